@@ -1,0 +1,2 @@
+//! The isochor command.
+fn main() {}

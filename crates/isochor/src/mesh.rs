@@ -1,0 +1,232 @@
+//! Polygon meshes: points and faces, nothing else.
+//!
+//! What a file holds beside them (normals, texture coordinates, groups, comments) stays with the document that was
+//! read; the mathematics needs only this.
+
+use glam::DVec3;
+
+/// Polygons as lists of corner indices, stored one after the other.
+///
+/// A face with corners `c0 c1 c2 … ck` stands for the triangle fan `(c0 c1 c2) (c0 c2 c3) …`, at rest and posed alike.
+/// Corners run counter-clockwise seen from outside.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub struct Faces {
+    corners: Vec<u32>,
+    /// Where each face ends in `corners`.
+    ends: Vec<u32>,
+}
+
+impl Faces {
+    /// No faces.
+    #[must_use]
+    pub fn new() -> Self {
+        Self::default()
+    }
+
+    /// No faces yet, with room for `faces` faces of `corners` corners in all.
+    #[must_use]
+    pub fn with_capacity(faces: usize, corners: usize) -> Self {
+        Self { corners: Vec::with_capacity(corners), ends: Vec::with_capacity(faces) }
+    }
+
+    /// Appends a face.
+    ///
+    /// # Panics
+    ///
+    /// Panics where all faces together would have more than `u32::MAX` corners.
+    pub fn push(&mut self, corners: &[u32]) {
+        self.corners.extend_from_slice(corners);
+        self.ends.push(u32::try_from(self.corners.len()).expect("a mesh has at most u32::MAX corners"));
+    }
+
+    /// Number of faces.
+    #[must_use]
+    pub fn len(&self) -> usize {
+        self.ends.len()
+    }
+
+    /// Whether there is no face.
+    #[must_use]
+    pub fn is_empty(&self) -> bool {
+        self.ends.is_empty()
+    }
+
+    /// Corner indices of face `f`.
+    ///
+    /// # Panics
+    ///
+    /// Panics where `f` is not less than [`Faces::len`].
+    #[must_use]
+    pub fn face(&self, f: usize) -> &[u32] {
+        let start = if f == 0 { 0 } else { self.ends[f - 1] as usize };
+        &self.corners[start..self.ends[f] as usize]
+    }
+
+    /// All faces in order.
+    pub fn iter(&self) -> impl Iterator<Item = &[u32]> {
+        (0..self.len()).map(|f| self.face(f))
+    }
+
+    /// Corner indices of all faces, one after the other.
+    #[must_use]
+    pub fn corners(&self) -> &[u32] {
+        &self.corners
+    }
+}
+
+impl<'a> FromIterator<&'a [u32]> for Faces {
+    fn from_iter<I: IntoIterator<Item = &'a [u32]>>(faces: I) -> Self {
+        let mut all = Self::new();
+        for face in faces {
+            all.push(face);
+        }
+        all
+    }
+}
+
+impl<'a, const K: usize> FromIterator<&'a [u32; K]> for Faces {
+    fn from_iter<I: IntoIterator<Item = &'a [u32; K]>>(faces: I) -> Self {
+        faces.into_iter().map(|face| &face[..]).collect()
+    }
+}
+
+/// The triangles of one polygon, fanned from its first corner.
+pub fn fan(polygon: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
+    (2..polygon.len()).map(|k| [polygon[0], polygon[k - 1], polygon[k]])
+}
+
+/// Points (#vertices × 3, finite, any length unit) and the faces between them.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Mesh {
+    points: Vec<DVec3>,
+    faces: Faces,
+}
+
+/// Why points and faces do not make a [`Mesh`].
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum MeshError {
+    /// A coordinate is infinite or not a number.
+    #[error("vertex {vertex} is at ({}, {}, {}): coordinates must be finite", .position.x, .position.y, .position.z)]
+    NotFinite {
+        /// Index of the vertex.
+        vertex: usize,
+        /// Its position.
+        position: DVec3,
+    },
+    /// A face names a vertex that does not exist.
+    #[error("face {face} names vertex {vertex}, but there are only {vertices} vertices (0 to {})", .vertices.saturating_sub(1))]
+    MissingVertex {
+        /// Index of the face.
+        face: usize,
+        /// The index it names.
+        vertex: u32,
+        /// Number of vertices.
+        vertices: usize,
+    },
+    /// A face has fewer than three corners.
+    #[error("face {face} has {corners} corners: a polygon needs at least 3")]
+    TooFewCorners {
+        /// Index of the face.
+        face: usize,
+        /// Number of its corners.
+        corners: usize,
+    },
+}
+
+impl Mesh {
+    /// A mesh of `points` (#vertices × 3) and `faces` that index them.
+    ///
+    /// # Errors
+    ///
+    /// A coordinate that is not finite, a face with fewer than three corners, an index beyond the points.
+    pub fn new(points: Vec<DVec3>, faces: Faces) -> Result<Self, MeshError> {
+        if let Some(vertex) = points.iter().position(|p| !p.is_finite()) {
+            return Err(MeshError::NotFinite { vertex, position: points[vertex] });
+        }
+        for (f, face) in faces.iter().enumerate() {
+            if face.len() < 3 {
+                return Err(MeshError::TooFewCorners { face: f, corners: face.len() });
+            }
+            if let Some(&vertex) = face.iter().find(|&&v| v as usize >= points.len()) {
+                return Err(MeshError::MissingVertex { face: f, vertex, vertices: points.len() });
+            }
+        }
+        Ok(Self { points, faces })
+    }
+
+    /// The points, #vertices × 3.
+    #[must_use]
+    pub fn points(&self) -> &[DVec3] {
+        &self.points
+    }
+
+    /// The faces.
+    #[must_use]
+    pub fn faces(&self) -> &Faces {
+        &self.faces
+    }
+
+    /// The same faces over other points.
+    ///
+    /// # Errors
+    ///
+    /// As [`Mesh::new`].
+    pub fn with_points(&self, points: Vec<DVec3>) -> Result<Self, MeshError> {
+        Self::new(points, self.faces.clone())
+    }
+
+    /// Bounding box of all points, used by a face or not. `None` without points.
+    #[must_use]
+    pub fn bounds(&self) -> Option<Bounds> {
+        Bounds::of(&self.points)
+    }
+}
+
+/// An axis-parallel box.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Bounds {
+    /// Lowest corner.
+    pub min: DVec3,
+    /// Highest corner.
+    pub max: DVec3,
+}
+
+impl Bounds {
+    /// The smallest box round `points`. `None` without points.
+    #[must_use]
+    pub fn of(points: &[DVec3]) -> Option<Self> {
+        let (first, rest) = points.split_first()?;
+        Some(
+            rest.iter().fold(Self { min: *first, max: *first }, |b, p| Self { min: b.min.min(*p), max: b.max.max(*p) }),
+        )
+    }
+
+    /// Edge lengths of the box.
+    #[must_use]
+    pub fn size(&self) -> DVec3 {
+        self.max - self.min
+    }
+
+    /// The *extent*: the longest side. All tolerances are relative to it.
+    #[must_use]
+    pub fn extent(&self) -> f64 {
+        self.size().max_element()
+    }
+
+    /// Middle of the box.
+    #[must_use]
+    pub fn center(&self) -> DVec3 {
+        self.min + self.size() / 2.0
+    }
+
+    /// An origin near the points from which their coordinates are **exact** in f64: `p − origin` does not round.
+    ///
+    /// Per axis it is the middle of the box where the box is at least its own width away from 0 (then `origin/2 ≤ p ≤
+    /// 2·origin`, and the difference is exact by Sterbenz's lemma), and 0 elsewhere. Coordinates relative to it are at
+    /// most 1.5 widths of the box.
+    #[must_use]
+    pub fn lossless_origin(&self) -> DVec3 {
+        let (center, size) = (self.center(), self.size());
+        DVec3::from_array(std::array::from_fn(|a| if center[a].abs() >= size[a] { center[a] } else { 0.0 }))
+    }
+}
