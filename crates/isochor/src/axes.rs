@@ -1,0 +1,148 @@
+//! Volume correction along one direction after the other: HB, section 5.
+//!
+//! With all displacements along one direction d, the volume is affine in them: `V(C + δ dᵀ) = V + Σ α_i δ_i` with
+//! `α = (Wᵀ g)·d`, g = ∂V/∂P (HB (7)–(12) for d = x, y, z). So the smallest displacement that changes the volume by a has a
+//! closed form, HB (17), and is exact however large it is.
+//!
+//! # Changes versus the paper
+//!
+//! - Any directions, any shares, a mobility per control coordinate.
+//! - A direction on which the volume does not depend (*dead*: Σ m α² vanishes against the area) is found before it is used,
+//!   and its share goes to the others. Dividing by its vanishing Σ α² would send controls to infinity.
+
+use glam::DVec3;
+
+use crate::correct::{CorrectError, Problem, Reason, State, Step};
+use crate::tolerances;
+
+/// Corrects along `directions` in order, `shares` of the deficit each (equal by default).
+pub(crate) fn corrected(
+    problem: &Problem,
+    mut state: State,
+    directions: &[DVec3],
+    shares: Option<&[f64]>,
+) -> Result<State, CorrectError> {
+    let axes = axes(problem, directions, shares)?;
+    // V is taken once, before the first axis: each step is exact, so after the last one all of the deficit is gone.
+    let deficit = problem.target - problem.volume_before;
+    let mut surface = Surface::of(problem, &state);
+    let live: Vec<&Axis> = axes.iter().filter(|axis| axis.sensitivity(problem, &surface).is_some()).collect();
+    let shared: f64 = live.iter().map(|axis| axis.share).sum();
+    if shared <= 0.0 {
+        return Err(problem.impossible(Reason::Dead));
+    }
+    let mut last = None;
+    // What an axis that died on the way could not take goes to the next; a second pass takes what the last one left.
+    let mut open = 0.0;
+    for pass in 0..2 {
+        for axis in &live {
+            open += if pass == 0 { deficit * (axis.share / shared) } else { 0.0 };
+            if open == 0.0 {
+                continue;
+            }
+            if let Some(sensitivity) = axis.sensitivity(problem, &surface) {
+                state = state.after(&axis.step(problem, &sensitivity, open));
+                surface = Surface::of(problem, &state);
+                open = 0.0;
+                last = Some(*axis);
+            }
+        }
+    }
+    match last {
+        Some(axis) if open == 0.0 => Ok(problem.finished(state, |state, deficit| {
+            let sensitivity = axis.sensitivity(problem, &Surface::of(problem, state))?;
+            Some(axis.step(problem, &sensitivity, deficit))
+        })),
+        _ => Err(problem.impossible(Reason::Dead)),
+    }
+}
+
+/// A direction to correct along.
+struct Axis {
+    /// Unit vector.
+    direction: DVec3,
+    share: f64,
+    /// m along the direction (#controls).
+    mobility: Vec<f64>,
+}
+
+/// How the volume depends on displacements along an axis.
+struct Sensitivity {
+    /// α = (Wᵀ g)·d (#controls).
+    alpha: Vec<f64>,
+    /// Σ m α².
+    norm: f64,
+}
+
+/// What sensitivities need of the surface as it stands.
+struct Surface {
+    /// g = ∂V/∂P (#vertices × 3).
+    gradient: Vec<DVec3>,
+    area: f64,
+}
+
+impl Surface {
+    fn of(problem: &Problem, state: &State) -> Self {
+        let (solid, vertices) = (problem.solid, &state.vertices);
+        Self { gradient: solid.volume_gradient(vertices), area: solid.area(vertices) }
+    }
+}
+
+fn axes(problem: &Problem, directions: &[DVec3], shares: Option<&[f64]>) -> Result<Vec<Axis>, CorrectError> {
+    if directions.is_empty() {
+        return Err(CorrectError::NoDirection);
+    }
+    let equal = vec![1.0; directions.len()];
+    let shares = shares.unwrap_or(&equal);
+    if shares.len() != directions.len() {
+        let (found, expected) = (shares.len(), directions.len());
+        return Err(CorrectError::Length { what: "the list of shares", found, expected });
+    }
+    let sum: f64 = shares.iter().sum();
+    if shares.iter().any(|s| !(*s >= 0.0 && s.is_finite())) || !(sum > 0.0 && sum.is_finite()) {
+        return Err(CorrectError::Shares { shares: shares.to_vec() });
+    }
+    let axis = |(index, (value, share)): (usize, (&DVec3, &f64))| {
+        // try_normalize refuses what is 0, not finite, or too small to have a direction
+        let direction = value.try_normalize().ok_or(CorrectError::Direction { index, value: *value })?;
+        let mobility = problem.mobility.iter().map(|m| mobility_along(*m, direction)).collect();
+        Ok(Axis { direction, share: *share, mobility })
+    };
+    directions.iter().zip(shares).enumerate().map(axis).collect()
+}
+
+/// The mobility m along `direction` of a control with mobility `by_coordinate` per coordinate: moving by δ along d costs
+/// `Σ_c (δ d_c)²/m_c = δ²/m`. A pinned coordinate with d_c ≠ 0 pins the control.
+fn mobility_along(by_coordinate: DVec3, direction: DVec3) -> f64 {
+    let mut cost = 0.0;
+    for (m, d) in by_coordinate.to_array().into_iter().zip(direction.to_array()) {
+        if d != 0.0 {
+            cost += d * d / m; // m = 0: infinite cost, no mobility
+        }
+    }
+    1.0 / cost
+}
+
+impl Axis {
+    /// `None` where the axis is dead.
+    fn sensitivity(&self, problem: &Problem, surface: &Surface) -> Option<Sensitivity> {
+        let along: Vec<f64> = surface.gradient.iter().map(|g| g.dot(self.direction)).collect();
+        let alpha = problem.binding.adjoint_scalar(&along); // HB (10)–(12)
+        let norm = alpha.iter().zip(&self.mobility).map(|(a, m)| m * a * a).sum::<f64>();
+        let most = self.mobility.iter().copied().fold(0.0, f64::max);
+        let limit = tolerances::DEAD_AXIS * surface.area;
+        (norm > limit * limit * most).then_some(Sensitivity { alpha, norm })
+    }
+
+    /// HB (17) with mobilities: `δ_i = a m_i α_i / Σ_j m_j α_j²`.
+    fn step(&self, problem: &Problem, sensitivity: &Sensitivity, a: f64) -> Step {
+        let factor = a / sensitivity.norm;
+        let delta: Vec<f64> =
+            sensitivity.alpha.iter().zip(&self.mobility).map(|(alpha, m)| factor * m * alpha).collect();
+        let shift = problem.binding.apply_scalar(&delta);
+        Step {
+            controls: delta.iter().map(|d| self.direction * *d).collect(),
+            vertices: shift.iter().map(|s| self.direction * *s).collect(),
+        }
+    }
+}

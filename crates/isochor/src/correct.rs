@@ -1,0 +1,357 @@
+//! Exact volume correction: move the controls as little as possible so that the volume is what was asked.
+//!
+//! Given posed vertices X, a binding W and a wanted volume V_ref, find a control displacement δ (#controls × 3) with
+//! `V(X + W δ) = V_ref` that keeps `Σ δ²/m` small. m is the *mobility* of a control coordinate: 0 pins it, 1 leaves it free,
+//! 1/m is the weight ω of HB, section 3, remark 2.
+//!
+//! - [`Method::Axes`]: one direction after the other, each an explicit exact step. HB (13)–(17); [`crate::axes`].
+//! - [`Method::Gradient`]: all coordinates at once along the gradient, an exact cubic; [`crate::gradient`].
+//!
+//! X need not come from W: the same correction finishes what another deformer posed, with a lattice laid round it.
+//!
+//! HB = S. Hahmann, G.-P. Bonneau, S. Barbier, G. Elber, H. Hagen, *Volume-preserving FFD for programmable graphics
+//! hardware*, The Visual Computer 28 (2012).
+//!
+//! # Changes versus the paper
+//!
+//! - A final step takes away what rounding left (a few 1e-16 of the volume), so that thin models end exact too.
+//! - Impossible requests are found before anything moves, and named.
+
+use glam::DVec3;
+
+use crate::binding::{Binding, displaced};
+use crate::mesh::Bounds;
+use crate::tolerances;
+use crate::volume::Solid;
+use crate::{axes, gradient};
+
+/// A posed model: what is to be corrected.
+#[derive(Clone, Copy, Debug)]
+pub struct Pose<'a> {
+    /// The body whose volume is meant.
+    pub solid: &'a Solid,
+    /// Posed vertices X (#vertices × 3), from whatever deformer.
+    pub vertices: &'a [DVec3],
+    /// How vertices follow the controls that may move now.
+    pub binding: &'a Binding,
+}
+
+/// How to correct.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct CorrectOptions {
+    /// Which way the controls go.
+    pub method: Method,
+    /// Mobility of each control coordinate (#controls × 3), ≥ 0; 0 pins it exactly. `None`: 1 everywhere.
+    pub mobility: Option<Vec<DVec3>>,
+}
+
+/// Which way the controls go.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub enum Method {
+    /// All coordinates at once, along M ∘ ∇V: independent of the choice of axes.
+    #[default]
+    Gradient,
+    /// One direction after the other (HB).
+    Axes {
+        /// The directions in order; any length but 0, not necessarily orthogonal.
+        directions: Vec<DVec3>,
+        /// Share of the volume change for each direction, relative to their sum. `None`: equal shares.
+        shares: Option<Vec<f64>>,
+    },
+}
+
+impl Method {
+    /// Along x, y, z in turn, a third each: HB's general correction.
+    #[must_use]
+    pub fn xyz() -> Self {
+        Self::Axes { directions: vec![DVec3::X, DVec3::Y, DVec3::Z], shares: None }
+    }
+}
+
+/// A corrected pose.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Correction {
+    /// δ: what to add to the controls (#controls × 3). Exactly 0 where a coordinate is pinned.
+    pub displacement: Vec<DVec3>,
+    /// X + W δ (#vertices × 3), in the coordinates of the pose.
+    pub vertices: Vec<DVec3>,
+    /// Signed volume of the pose before.
+    pub volume_before: f64,
+    /// Signed volume after, measured near the model: before adding a far origin back rounds the coordinates.
+    pub volume: f64,
+    /// `|volume − target| / |target|`.
+    pub relative_error: f64,
+    /// How it ended.
+    pub status: Status,
+    /// Exact steps taken, the final ones against rounding included.
+    pub steps: usize,
+}
+
+/// How a correction ended.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
+pub enum Status {
+    /// The pose had the wanted volume already, to rounding: nothing moved.
+    AlreadyMet,
+    /// The wanted volume is met to [`tolerances::VOLUME`].
+    Exact,
+    /// The volume is as near as the rounding of f64 coordinates allows, which is not [`tolerances::VOLUME`]: the model is
+    /// so thin that moving a vertex by one rounding changes its volume by more.
+    RoundingLimited,
+}
+
+/// Why there is no correction. Nothing was changed.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum CorrectError {
+    /// Array lengths that do not fit together.
+    #[error("{what} has {found} entries: {expected} are needed")]
+    Length {
+        /// Which array.
+        what: &'static str,
+        /// Its length.
+        found: usize,
+        /// The length it must have.
+        expected: usize,
+    },
+    /// A posed vertex is infinite or not a number.
+    #[error("posed vertex {vertex} is at {position}: coordinates must be finite")]
+    NotFinite {
+        /// The vertex.
+        vertex: usize,
+        /// Its position.
+        position: DVec3,
+    },
+    /// Vertices that were one at rest were posed apart.
+    #[error("vertices {a} and {b} were at one place at rest and are posed apart: the surface is torn there")]
+    Torn {
+        /// One vertex.
+        a: u32,
+        /// The other.
+        b: u32,
+    },
+    /// A mobility that is negative or not finite.
+    #[error("the mobility of control {control} is {value}: it must be finite and at least 0")]
+    Mobility {
+        /// The control.
+        control: usize,
+        /// Its mobility along x, y, z.
+        value: DVec3,
+    },
+    /// A direction that has no length.
+    #[error("direction {index} is {value}: it must be finite and not 0")]
+    Direction {
+        /// Its place in the list.
+        index: usize,
+        /// The vector.
+        value: DVec3,
+    },
+    /// No direction at all.
+    #[error("no direction to correct along is given")]
+    NoDirection,
+    /// Shares that cannot be shares.
+    #[error("the shares of the axes are {shares:?}: each must be finite and at least 0, and their sum more than 0")]
+    Shares {
+        /// The shares.
+        shares: Vec<f64>,
+    },
+    /// A target to which no relative error exists.
+    #[error("the wanted volume is {target}: it must be finite and not 0")]
+    Target {
+        /// The target.
+        target: f64,
+    },
+    /// No displacement of the kind asked for gives the wanted volume.
+    #[error("the volume cannot become {target} (it is {volume}): impossible, because {reason}")]
+    Impossible {
+        /// The wanted volume.
+        target: f64,
+        /// The volume of the pose.
+        volume: f64,
+        /// Why not.
+        reason: Reason,
+    },
+}
+
+/// Why a volume cannot be reached.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum Reason {
+    /// Every coordinate that could move is pinned.
+    #[error("every control is pinned")]
+    Pinned,
+    /// No vertex follows any control.
+    #[error("no vertex of the model lies inside the lattice")]
+    NothingBound,
+    /// The volume does not depend on any control along the chosen directions.
+    #[error("the volume does not depend on any movable control along the chosen directions")]
+    Dead,
+    /// The volume along the gradient line turns back before the target.
+    #[error(
+        "along the gradient the volume can only reach {limit}, then it turns back; give more controls freedom, choose axes, \
+         or ask for less change"
+    )]
+    Turns {
+        /// The last volume before it turns back.
+        limit: f64,
+    },
+    /// The numbers left the range of f64 on the way.
+    #[error("the displacement it takes leaves the range of numbers")]
+    Overflow,
+}
+
+/// Corrects a pose to the signed volume `target` (in the pose's length unit cubed, sign as [`Solid::volume`] gives it).
+///
+/// Controls pinned by the mobility keep their bits; the result has the same bits for any number of threads. Coordinates far
+/// from the origin are taken relative to the model, so nothing is lost there until `vertices` are rounded.
+///
+/// # Errors
+///
+/// Arrays that do not fit together, values out of range, a torn surface; [`CorrectError::Impossible`] with the reason.
+pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Correction, CorrectError> {
+    let (solid, binding) = (pose.solid, pose.binding);
+    let controls = binding.control_count();
+    let length = |what, found, expected| match found == expected {
+        true => Ok(()),
+        false => Err(CorrectError::Length { what, found, expected }),
+    };
+    length("the posed vertices", pose.vertices.len(), solid.vertex_count())?;
+    length("the binding", binding.vertex_count(), solid.vertex_count())?;
+    let mobility = options.mobility.clone().unwrap_or_else(|| vec![DVec3::ONE; controls]);
+    length("the mobility", mobility.len(), controls)?;
+    if let Some(control) = mobility.iter().position(|m| !(m.is_finite() && m.min_element() >= 0.0)) {
+        return Err(CorrectError::Mobility { control, value: mobility[control] });
+    }
+    if let Some(vertex) = pose.vertices.iter().position(|p| !p.is_finite()) {
+        return Err(CorrectError::NotFinite { vertex, position: pose.vertices[vertex] });
+    }
+    if let Some([a, b]) = solid.torn_vertices(pose.vertices) {
+        return Err(CorrectError::Torn { a, b });
+    }
+    if !target.is_finite() || target == 0.0 {
+        return Err(CorrectError::Target { target });
+    }
+
+    let origin = Bounds::of(pose.vertices).map_or(DVec3::ZERO, |b| b.lossless_origin());
+    let vertices: Vec<DVec3> = pose.vertices.iter().map(|p| *p - origin).collect();
+    let volume_before = solid.volume(&vertices);
+    let problem = Problem { solid, binding, mobility, target, volume_before };
+    let start = State { displacement: vec![DVec3::ZERO; controls], vertices, volume: volume_before, steps: 0 };
+
+    let (end, moved) = if problem.is_met(volume_before) {
+        (start, false)
+    } else {
+        problem.check_movable()?;
+        let end = match &options.method {
+            Method::Gradient => gradient::corrected(&problem, start)?,
+            Method::Axes { directions, shares } => axes::corrected(&problem, start, directions, shares.as_deref())?,
+        };
+        (end, true)
+    };
+    let relative_error = ((end.volume - target) / target).abs();
+    if !relative_error.is_finite() {
+        return Err(problem.impossible(Reason::Overflow));
+    }
+    let status = match (moved, relative_error <= tolerances::VOLUME) {
+        (false, _) => Status::AlreadyMet,
+        (true, true) => Status::Exact,
+        (true, false) => Status::RoundingLimited,
+    };
+    let vertices = match moved {
+        true => end.vertices.iter().map(|p| *p + origin).collect(),
+        false => pose.vertices.to_vec(),
+    };
+    Ok(Correction {
+        displacement: end.displacement,
+        vertices,
+        volume_before,
+        volume: end.volume,
+        relative_error,
+        status,
+        steps: end.steps,
+    })
+}
+
+/// A checked request, in coordinates near the model.
+pub(crate) struct Problem<'a> {
+    pub(crate) solid: &'a Solid,
+    pub(crate) binding: &'a Binding,
+    pub(crate) mobility: Vec<DVec3>,
+    pub(crate) target: f64,
+    pub(crate) volume_before: f64,
+}
+
+/// Where a correction stands.
+#[derive(Clone)]
+pub(crate) struct State {
+    /// δ so far (#controls × 3).
+    pub(crate) displacement: Vec<DVec3>,
+    /// X + W δ (#vertices × 3).
+    pub(crate) vertices: Vec<DVec3>,
+    /// Its volume.
+    pub(crate) volume: f64,
+    pub(crate) steps: usize,
+}
+
+/// One exact step: a control displacement (#controls × 3) and what it does to the vertices (#vertices × 3).
+pub(crate) struct Step {
+    pub(crate) controls: Vec<DVec3>,
+    pub(crate) vertices: Vec<DVec3>,
+}
+
+impl State {
+    /// This state after `step`, its volume not yet measured.
+    pub(crate) fn after(&self, step: &Step) -> Self {
+        Self {
+            displacement: displaced(&self.displacement, &step.controls),
+            vertices: displaced(&self.vertices, &step.vertices),
+            volume: self.volume,
+            steps: self.steps + 1,
+        }
+    }
+}
+
+impl Problem<'_> {
+    pub(crate) fn impossible(&self, reason: Reason) -> CorrectError {
+        CorrectError::Impossible { target: self.target, volume: self.volume_before, reason }
+    }
+
+    /// Whether `volume` is the target, to its own rounding.
+    fn is_met(&self, volume: f64) -> bool {
+        (volume - self.target).abs() <= tolerances::VOLUME_ROUNDING * self.target.abs()
+    }
+
+    fn check_movable(&self) -> Result<(), CorrectError> {
+        if self.mobility.iter().all(|m| *m == DVec3::ZERO) {
+            return Err(self.impossible(Reason::Pinned));
+        }
+        if self.binding.kept_count() == self.binding.vertex_count() {
+            return Err(self.impossible(Reason::NothingBound));
+        }
+        Ok(())
+    }
+
+    /// Measures `state` and takes away what rounding left of the deficit by small steps of the same kind: `step(state,
+    /// deficit)`, `None` where no such step exists any more. Keeps the best.
+    pub(crate) fn finished(
+        &self,
+        mut state: State,
+        step: impl Fn(&State, f64) -> Option<Step>,
+    ) -> State {
+        /// More: nothing left to gain after two or three; fewer: thin models end further off than they need.
+        const ROUNDS: usize = 4;
+        state.volume = self.solid.volume(&state.vertices);
+        for _ in 0..ROUNDS {
+            let deficit = self.target - state.volume;
+            if self.is_met(state.volume) || !deficit.is_finite() {
+                break;
+            }
+            let Some(step) = step(&state, deficit) else { break };
+            let mut next = state.after(&step);
+            next.volume = self.solid.volume(&next.vertices);
+            if (self.target - next.volume).abs() >= deficit.abs() {
+                break;
+            }
+            state = next;
+        }
+        state
+    }
+}

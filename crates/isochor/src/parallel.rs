@@ -1,0 +1,45 @@
+//! Loops over fixed chunks: the same bits for any number of threads, and without threads at all.
+//!
+//! Chunk borders depend on the length of the data only, and partial results come back in chunk order.
+
+use std::ops::Range;
+
+#[cfg(feature = "rayon")]
+use rayon::prelude::*;
+
+/// Items per chunk where each item is cheap. Larger: less overhead per chunk; smaller: better balance between threads.
+pub(crate) const CHUNK: usize = 8192;
+
+/// `f` of every chunk of `0..len`, in order.
+pub(crate) fn map_chunks<R: Send>(len: usize, chunk: usize, f: impl Fn(Range<usize>) -> R + Send + Sync) -> Vec<R> {
+    map(len.div_ceil(chunk), |c| f(c * chunk..len.min((c + 1) * chunk)))
+}
+
+/// `f(0), f(1), … f(count − 1)`, in order; each call may run on another thread.
+pub(crate) fn map<R: Send>(count: usize, f: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
+    #[cfg(feature = "rayon")]
+    return (0..count).into_par_iter().map(f).collect();
+    #[cfg(not(feature = "rayon"))]
+    return (0..count).map(f).collect();
+}
+
+/// `[f(0), … f(len − 1)]`, computed in parallel.
+pub(crate) fn collect<T: Send>(len: usize, f: impl Fn(usize) -> T + Send + Sync) -> Vec<T> {
+    #[cfg(feature = "rayon")]
+    return (0..len).into_par_iter().with_min_len(CHUNK).map(f).collect();
+    #[cfg(not(feature = "rayon"))]
+    return (0..len).map(f).collect();
+}
+
+/// Calls `f(i, &mut a[i], &mut b[i · stride..(i + 1) · stride])` for every i.
+pub(crate) fn for_each_pair<A: Send, B: Send>(
+    a: &mut [A],
+    b: &mut [B],
+    stride: usize,
+    f: impl Fn(usize, &mut A, &mut [B]) + Send + Sync,
+) {
+    #[cfg(feature = "rayon")]
+    a.par_iter_mut().zip(b.par_chunks_mut(stride)).with_min_len(CHUNK).enumerate().for_each(|(i, (a, b))| f(i, a, b));
+    #[cfg(not(feature = "rayon"))]
+    a.iter_mut().zip(b.chunks_mut(stride)).enumerate().for_each(|(i, (a, b))| f(i, a, b));
+}

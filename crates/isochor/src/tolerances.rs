@@ -1,0 +1,33 @@
+//! The tolerances of the library, each relative to a stated scale. Elsewhere a tolerance is a parameter.
+
+/// A vertex this far outside a lattice still counts as inside; relative to the longest edge of the lattice frame. Larger:
+/// vertices that truly stick out are moved by the linear extension; smaller: vertices on the border of a lattice that was
+/// fitted to rounded bounds are left behind and the model tears.
+pub const INSIDE: f64 = 1e-9;
+
+/// A model whose |volume| is below this fraction of area · extent encloses nothing. Larger: thin sheets are refused;
+/// smaller: rounding noise of an open or doubled surface is taken for a volume.
+pub const NO_VOLUME: f64 = 1e-9;
+
+/// An axis is dead where `Σ m α² ≤ (DEAD_AXIS · area)² max m`: volume hardly depends on it. Larger: weak axes are given up
+/// that could still work; smaller: control points run away.
+pub const DEAD_AXIS: f64 = 1e-12;
+
+/// Relative volume error that a correction must reach. It is met with a margin of 10 to 100 by ordinary models; thinner
+/// ones can be limited by the rounding of their coordinates, and then the report says so.
+pub const VOLUME: f64 = 1e-13;
+
+/// Below this relative volume error no further correction step is tried: a few roundings of the volume itself.
+pub const VOLUME_ROUNDING: f64 = 4.0 * f64::EPSILON;
+
+/// A lattice frame whose volume is below this fraction of the product of its edge lengths is degenerate. Larger: strongly
+/// sheared frames are refused; smaller: parameters lose all their digits.
+pub const FLAT_FRAME: f64 = 1e-9;
+
+/// A side of the model's box below this fraction of its extent is widened before a lattice is fitted. Larger: thin plates
+/// get a lattice that is thicker than they are; smaller: parameters along the side are noise.
+pub const FLAT_SIDE: f64 = 1e-12;
+
+/// A model is only accepted with an extent between these: beyond, products of three coordinates leave the range in which
+/// f64 keeps its full precision.
+pub const EXTENTS: std::ops::RangeInclusive<f64> = 1e-70..=1e90;
