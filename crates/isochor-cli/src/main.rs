@@ -1,2 +1,18 @@
-//! The isochor command.
-fn main() {}
+//! The `isochor` command: reads models and jobs, hands them to the library, writes what comes back.
+
+mod args;
+mod demo;
+mod failure;
+mod files;
+mod flags;
+mod info;
+mod pages;
+mod request;
+mod run;
+mod terminal;
+
+use std::process::ExitCode;
+
+fn main() -> ExitCode {
+    run::command(args::parse())
+}

@@ -89,7 +89,6 @@ pub struct Correction {
 
 /// How a correction ended.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize), serde(rename_all = "kebab-case"))]
 pub enum Status {
     /// The pose had the wanted volume already, to rounding: nothing moved.
     AlreadyMet,

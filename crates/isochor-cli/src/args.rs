@@ -1,0 +1,244 @@
+//! The command line as it was typed.
+
+use std::path::PathBuf;
+
+use clap::builder::styling::{AnsiColor, Styles};
+use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
+
+use crate::failure::Failure;
+use crate::terminal::Terminal;
+
+/// Bend, twist, squash or sculpt a 3D model: its volume comes out exactly as wanted.
+#[derive(Debug, Parser)]
+#[command(name = "isochor", version, propagate_version = true, max_term_width = 110, styles = STYLES)]
+pub struct Cli {
+    #[command(subcommand)]
+    pub command: Command,
+    #[command(flatten)]
+    pub output: OutputArgs,
+}
+
+const STYLES: Styles = Styles::styled().header(AnsiColor::Green.on_default().bold()).literal(AnsiColor::Cyan.on_default());
+
+#[derive(Clone, Debug, Default, Args)]
+#[command(next_help_heading = "Output and threads")]
+pub struct OutputArgs {
+    /// Print one machine-readable JSON report on standard output, errors included.
+    #[arg(long, global = true)]
+    pub json: bool,
+    /// Print nothing but errors on standard error.
+    #[arg(long, short, global = true)]
+    pub quiet: bool,
+    /// Number of threads; results do not depend on it. All cores by default.
+    #[arg(long, global = true, value_name = "N", value_parser = clap::value_parser!(u16).range(1..=4096))]
+    pub threads: Option<u16>,
+}
+
+#[derive(Debug, Subcommand)]
+pub enum Command {
+    /// Deform built-in shapes: models, jobs and a report that one can open and run again.
+    #[command(after_help = "Examples:\n  isochor demo\n  isochor demo out && isochor deform --job out/ball.toml")]
+    Demo {
+        /// Folder to write to; made if missing.
+        #[arg(default_value = "isochor-demo")]
+        folder: PathBuf,
+    },
+    /// Health check: what a model is, its volumes, and whether they can be preserved.
+    #[command(after_help = "Examples:\n  isochor info bunny.ply\n  isochor info --json bunny.ply")]
+    Info {
+        /// The model: .obj, .ply or .stl.
+        model: PathBuf,
+    },
+    /// Deform a model and keep its volume, from flags or from a job file.
+    #[command(after_help = DEFORM_EXAMPLES)]
+    Deform(Box<DeformArgs>),
+    /// Print completions for a shell.
+    #[command(after_help = "Examples:\n  isochor completions bash > ~/.local/share/bash-completion/completions/isochor")]
+    Completions {
+        /// The shell.
+        shell: clap_complete::Shell,
+    },
+    /// Print the manual page, or write one page per command into a folder.
+    #[command(after_help = "Examples:\n  isochor man | man -l -\n  isochor man ~/.local/share/man/man1")]
+    Man {
+        /// Folder to write the pages to.
+        folder: Option<PathBuf>,
+    },
+}
+
+const DEFORM_EXAMPLES: &str = "Examples:
+  isochor deform bunny.ply -o twisted.ply --twist z=90
+  isochor deform ball.obj -o flat.obj --stretch z=0.4 --preserve xy
+  isochor deform tank.stl -o larger.stl --lattice 8x8x4 --volume 110% --pin k=0
+  isochor deform horse.ply -o bent.ply --bend x=60,z --save-controls bent.json --report bent-report.json
+  isochor deform --job twist.toml --lattice 10
+
+Edits act on the control points of the lattice in the order in which they are typed, after those of a job file.
+Exit codes: 0 done; 1 the request cannot be met; 2 bad input or usage. Nothing is written on 1 or 2.";
+
+#[derive(Clone, Debug, Default, Args)]
+pub struct DeformArgs {
+    /// The model: .obj, .ply or .stl.
+    pub model: Option<PathBuf>,
+    /// Where the result goes; the same format keeps everything else in the file.
+    #[arg(long, short, value_name = "FILE")]
+    pub output: Option<PathBuf>,
+    /// Read the request from a job file (.toml or .json); other flags override it.
+    #[arg(long, value_name = "FILE")]
+    pub job: Option<PathBuf>,
+    /// Replace the model's file by the result.
+    #[arg(long, conflicts_with = "output")]
+    pub in_place: bool,
+    /// Write the report to a .json file.
+    #[arg(long, value_name = "FILE")]
+    pub report: Option<PathBuf>,
+    /// Write the lattice after the correction to a .json file.
+    #[arg(long, value_name = "FILE")]
+    pub save_controls: Option<PathBuf>,
+    /// Number type of the written coordinates.
+    #[arg(long, value_enum)]
+    pub precision: Option<PrecisionArg>,
+
+    /// Control points along the axes: 6x6x6, or one number for all.
+    #[arg(long, value_name = "NxNxN", help_heading = "Lattice")]
+    pub lattice: Option<String>,
+    /// Basis functions.
+    #[arg(long, value_enum, help_heading = "Lattice")]
+    pub basis: Option<BasisArg>,
+    /// Degree of B-splines: one number or three with commas.
+    #[arg(long, value_name = "D", help_heading = "Lattice")]
+    pub degree: Option<String>,
+    /// Knots of B-splines; explicit ones need a job or lattice file.
+    #[arg(long, value_enum, help_heading = "Lattice")]
+    pub knots: Option<KnotsArg>,
+    /// Grow the fitted box by this fraction of its extent on every side.
+    #[arg(long, value_name = "FRACTION", allow_negative_numbers = true, help_heading = "Lattice")]
+    pub margin: Option<f64>,
+    /// What happens to vertices outside the lattice.
+    #[arg(long, value_enum, help_heading = "Lattice")]
+    pub outside: Option<OutsideArg>,
+    /// Take the lattice, its pose and mobility from a file.
+    #[arg(long, value_name = "FILE", help_heading = "Lattice")]
+    pub lattice_file: Option<PathBuf>,
+
+    /// Twist about an axis: z=90 (degrees).
+    #[arg(long, value_name = "AXIS=DEGREES", help_heading = "Edits")]
+    pub twist: Vec<String>,
+    /// Bend an axis, towards another if given: z=45 or z=45,-x.
+    #[arg(long, value_name = "AXIS=DEGREES[,AXIS]", help_heading = "Edits")]
+    pub bend: Vec<String>,
+    /// Scale cross-sections linearly up to the high end: z=0.5.
+    #[arg(long, value_name = "AXIS=FACTOR", help_heading = "Edits")]
+    pub taper: Vec<String>,
+    /// Scale along an axis: z=0.5.
+    #[arg(long, value_name = "AXIS=FACTOR", help_heading = "Edits")]
+    pub stretch: Vec<String>,
+    /// Rotate about an axis through the middle: z=30 (degrees).
+    #[arg(long, value_name = "AXIS=DEGREES", help_heading = "Edits")]
+    pub rotate: Vec<String>,
+    /// Scale about the middle: 1.2, or three factors with commas.
+    #[arg(long, value_name = "FACTOR", allow_negative_numbers = true, help_heading = "Edits")]
+    pub scale: Vec<String>,
+    /// Move control points by a vector in extents: k=5:0,0,-0.4.
+    #[arg(long = "move", value_name = "NODES:X,Y,Z", help_heading = "Edits")]
+    pub shift: Vec<String>,
+    /// Move every coordinate at random by up to so many extents: 0.05 or 0.05,SEED.
+    #[arg(long, value_name = "AMPLITUDE", help_heading = "Edits")]
+    pub noise: Vec<String>,
+    /// Any edit as in a job file: 'twist = { axis = "z", degrees = 90, range = [0.5, 1] }'.
+    #[arg(long, value_name = "TOML", help_heading = "Edits")]
+    pub edit: Vec<String>,
+
+    /// How to keep the volume: axes such as xy or zyx, "gradient", or "free".
+    #[arg(long, value_name = "HOW", help_heading = "Volume")]
+    pub preserve: Option<String>,
+    /// The wanted volume: rest, free, 120%, a number, or a range such as 95%..105%.
+    #[arg(long, value_name = "VOLUME", help_heading = "Volume")]
+    pub volume: Option<String>,
+    /// Relative shares of the axes, with commas: 1,2.
+    #[arg(long, value_name = "SHARES", help_heading = "Volume")]
+    pub shares: Option<String>,
+    /// Control points that the correction does not move: all, k=0, "i=0,5 k=2".
+    #[arg(long, value_name = "NODES", help_heading = "Volume")]
+    pub pin: Option<String>,
+    /// Correct near a vertex only: its number and a radius in extents, 1204:0.3.
+    #[arg(long, value_name = "VERTEX:RADIUS", help_heading = "Volume")]
+    pub falloff: Option<String>,
+    /// What to do about open models.
+    #[arg(long, value_enum, help_heading = "Volume")]
+    pub open: Option<OpenArg>,
+
+    /// Edit flags in the order in which they were typed: name and text.
+    #[arg(skip)]
+    pub edits_in_order: Vec<(&'static str, String)>,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum PrecisionArg {
+    /// As the input file had.
+    File,
+    /// 64-bit floats.
+    F64,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum BasisArg {
+    /// B-splines of a chosen degree.
+    Bspline,
+    /// Bernstein polynomials of degree size − 1.
+    Bernstein,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum KnotsArg {
+    /// The lattice ends at the box.
+    Clamped,
+    /// The lattice reaches beyond the box.
+    Uniform,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum OutsideArg {
+    /// They stay where they are.
+    Keep,
+    /// They follow the tangents of the deformation.
+    Extend,
+    /// They are an error.
+    Refuse,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum OpenArg {
+    /// Close openings virtually.
+    Cap,
+    /// Refuse them.
+    Refuse,
+}
+
+/// The flags that are edits.
+const EDIT_FLAGS: [&str; 9] = ["twist", "bend", "taper", "stretch", "rotate", "scale", "shift", "noise", "edit"];
+
+/// Reads the command line; on bad usage, prints why and ends with exit code 2.
+pub fn parse() -> Cli {
+    let matches = Cli::command().try_get_matches().unwrap_or_else(|error| {
+        if error.use_stderr() && std::env::args().any(|arg| arg == "--json") {
+            let text = error.to_string();
+            let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
+            Terminal::new(&OutputArgs { json: true, quiet: true, threads: None })
+                .failure(&Failure::usage("command line", what, "see isochor --help"));
+        }
+        error.exit()
+    });
+    let mut cli = Cli::from_arg_matches(&matches).unwrap_or_else(|error| error.exit());
+    if let (Command::Deform(deform), Some(matches)) = (&mut cli.command, matches.subcommand_matches("deform")) {
+        let mut edits = Vec::new();
+        for flag in EDIT_FLAGS {
+            let indices = matches.indices_of(flag).into_iter().flatten();
+            let texts = matches.get_many::<String>(flag).into_iter().flatten();
+            edits.extend(indices.zip(texts).map(|(index, text)| (index, flag, text.clone())));
+        }
+        edits.sort_by_key(|(index, ..)| *index);
+        deform.edits_in_order = edits.into_iter().map(|(_, flag, text)| (flag, text)).collect();
+    }
+    cli
+}

@@ -1,0 +1,160 @@
+//! The texts of flags as values of a job.
+
+use glam::DVec3;
+use isochor::{
+    Axis, Bend, Edit, Factors, Falloff, LengthUnit, Move, Noise, PerAxis, Rotate, RotationAxis, Scale, Selector, SignedAxis,
+    Stretch, Taper, Twist,
+};
+
+use crate::failure::Failure;
+
+/// A failure of `--flag` with the text it got and an example of what it takes.
+fn refused(flag: &str, text: &str, example: &str) -> Failure {
+    Failure::usage(format!("--{flag}"), format!("\"{text}\" is not understood"), format!("write for example {example}"))
+}
+
+fn number(text: &str) -> Option<f64> {
+    text.trim().parse().ok().filter(|x: &f64| x.is_finite())
+}
+
+/// Numbers with commas.
+fn numbers(text: &str) -> Option<Vec<f64>> {
+    text.split(',').map(number).collect()
+}
+
+fn axis(text: &str) -> Option<Axis> {
+    match text.trim() {
+        "x" => Some(Axis::X),
+        "y" => Some(Axis::Y),
+        "z" => Some(Axis::Z),
+        _ => None,
+    }
+}
+
+fn signed_axis(text: &str) -> Option<SignedAxis> {
+    match text.trim() {
+        "x" => Some(SignedAxis::X),
+        "y" => Some(SignedAxis::Y),
+        "z" => Some(SignedAxis::Z),
+        "-x" => Some(SignedAxis::MinusX),
+        "-y" => Some(SignedAxis::MinusY),
+        "-z" => Some(SignedAxis::MinusZ),
+        _ => None,
+    }
+}
+
+/// `z=90`
+fn axis_and_number(text: &str) -> Option<(Axis, f64)> {
+    let (name, value) = text.split_once('=')?;
+    Some((axis(name)?, number(value)?))
+}
+
+/// The edit that a flag stands for.
+pub fn edit(flag: &'static str, text: &str) -> Result<Edit, Failure> {
+    let (name, example) = match flag {
+        "twist" | "rotate" => (flag, "z=90"),
+        "bend" => (flag, "z=45 or z=45,-x"),
+        "taper" | "stretch" => (flag, "z=0.5"),
+        "scale" => (flag, "1.2 or 1,1,2"),
+        "shift" => ("move", "k=5:0,0,-0.4"),
+        "noise" => (flag, "0.05 or 0.05,7"),
+        _ => return toml_edit(text),
+    };
+    let parsed = match flag {
+        "twist" => axis_and_number(text).map(|(axis, degrees)| Edit::Twist(Twist { axis, degrees, ..Twist::default() })),
+        "rotate" => axis_and_number(text).map(|(axis, degrees)| {
+            let (axis, center, nodes) = (RotationAxis::Coordinate(axis), None, Selector::All);
+            Edit::Rotate(Rotate { axis, degrees, center, nodes })
+        }),
+        "bend" => bend(text),
+        "taper" => axis_and_number(text).map(|(axis, scale)| {
+            Edit::Taper(Taper { axis, scale, range: None, center: None, nodes: Selector::All })
+        }),
+        "stretch" => axis_and_number(text)
+            .map(|(axis, scale)| Edit::Stretch(Stretch { axis, scale, center: None, nodes: Selector::All })),
+        "scale" => scale(text),
+        "shift" => shift(text),
+        _ => noise(text),
+    };
+    parsed.ok_or_else(|| refused(name, text, example))
+}
+
+fn bend(text: &str) -> Option<Edit> {
+    let (first, towards) = match text.split_once(',') {
+        Some((first, towards)) => (first, Some(signed_axis(towards)?)),
+        None => (text, None),
+    };
+    let (axis, degrees) = axis_and_number(first)?;
+    Some(Edit::Bend(Bend { axis, degrees, towards, ..Bend::default() }))
+}
+
+fn scale(text: &str) -> Option<Edit> {
+    let by = match numbers(text)?[..] {
+        [factor] => Factors::Uniform(factor),
+        [x, y, z] => Factors::PerAxis(DVec3::new(x, y, z)),
+        _ => return None,
+    };
+    Some(Edit::Scale(Scale { by, center: None, nodes: Selector::All }))
+}
+
+fn shift(text: &str) -> Option<Edit> {
+    let (nodes, by) = text.rsplit_once(':')?;
+    let [x, y, z] = numbers(by)?[..] else { return None };
+    Some(Edit::Move(Move { by: DVec3::new(x, y, z), unit: LengthUnit::Extent, nodes: nodes.parse().ok()? }))
+}
+
+fn noise(text: &str) -> Option<Edit> {
+    let (amplitude, seed) = match text.split_once(',') {
+        Some((amplitude, seed)) => (amplitude, seed.trim().parse().ok()?),
+        None => (text, 0),
+    };
+    Some(Edit::Noise(Noise { amplitude: number(amplitude)?, seed, unit: LengthUnit::Extent, nodes: Selector::All }))
+}
+
+/// An edit as in a job file.
+fn toml_edit(text: &str) -> Result<Edit, Failure> {
+    let job = isochor::Job::from_toml(&format!("[[edit]]\n{text}\n"))
+        .map_err(|error| Failure::usage("--edit", error.to_string(), "write it as under [[edit]] in a job file"))?;
+    match <[Edit; 1]>::try_from(job.edit) {
+        Ok([edit]) => Ok(edit),
+        Err(_) => Err(refused("edit", text, "'twist = { axis = \"z\", degrees = 90 }'")),
+    }
+}
+
+/// `6x6x6` or `6`.
+pub fn lattice_size(text: &str) -> Result<PerAxis<usize>, Failure> {
+    per_axis(text, 'x').ok_or_else(|| refused("lattice", text, "6x6x6"))
+}
+
+/// `3` or `3,3,2`.
+pub fn degree(text: &str) -> Result<PerAxis<usize>, Failure> {
+    per_axis(text, ',').ok_or_else(|| refused("degree", text, "3 or 3,3,2"))
+}
+
+fn per_axis(text: &str, separator: char) -> Option<PerAxis<usize>> {
+    let values: Option<Vec<usize>> = text.split(separator).map(|n| n.trim().parse().ok()).collect();
+    match values?[..] {
+        [all] => Some(PerAxis::All(all)),
+        [u, v, w] => Some(PerAxis::Each([u, v, w])),
+        _ => None,
+    }
+}
+
+/// `1,2`
+pub fn shares(text: &str) -> Result<Vec<f64>, Failure> {
+    numbers(text).ok_or_else(|| refused("shares", text, "1,2"))
+}
+
+/// `k=0`
+pub fn pin(text: &str) -> Result<Selector, Failure> {
+    text.parse().map_err(|error| Failure::usage("--pin", format!("{error}"), "write for example k=0 or \"i=0,5 k=2\""))
+}
+
+/// `1204:0.3`
+pub fn falloff(text: &str) -> Result<Falloff, Failure> {
+    let parsed = || {
+        let (vertex, radius) = text.split_once(':')?;
+        Some(Falloff { vertex: vertex.trim().parse().ok()?, radius: number(radius)? })
+    };
+    parsed().ok_or_else(|| refused("falloff", text, "1204:0.3"))
+}

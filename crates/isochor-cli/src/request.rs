@@ -1,0 +1,210 @@
+//! From the command line to a checked request: a job whose files are named and do not collide.
+
+use std::path::{Path, PathBuf};
+
+use isochor::{
+    BasisKind, Directions, Job, KnotRule, Knots, LatticeRequest, MethodKind, OpenBoundaries, Outside, Precision, VolumeTarget,
+};
+use isochor_io::Format;
+
+use crate::args::{BasisArg, DeformArgs, KnotsArg, OpenArg, OutsideArg, PrecisionArg};
+use crate::failure::Failure;
+use crate::{files, flags};
+
+/// A job with its files.
+#[derive(Debug)]
+pub struct Request {
+    pub job: Job,
+    pub model: PathBuf,
+    pub model_format: Format,
+    pub output: PathBuf,
+    pub output_format: Format,
+    pub lattice_file: Option<PathBuf>,
+    pub report: Option<PathBuf>,
+    pub save_controls: Option<PathBuf>,
+}
+
+impl Request {
+    /// The request that the flags and the job file make; flags win.
+    pub fn from_args(args: &DeformArgs) -> Result<Self, Failure> {
+        let mut job = match &args.job {
+            Some(path) => job_file(path)?,
+            None => Job::default(),
+        };
+        apply_flags(&mut job, args)?;
+        Self::from_job(job, args.in_place)
+    }
+
+    /// The request of a job whose paths are relative to the working folder.
+    pub fn from_job(job: Job, in_place: bool) -> Result<Self, Failure> {
+        let missing = |what: &str, hint: &str| Failure::usage("command line", format!("{what} is missing"), hint);
+        let model = job.model.clone().ok_or_else(|| missing("the model", "name it: isochor deform MODEL -o OUT"))?;
+        let output = if in_place { Some(model.clone()) } else { job.output.clone() };
+        let output = output.ok_or_else(|| missing("the output", "name it with -o FILE, or replace the model with --in-place"))?;
+        let format = |path: &Path| Format::from_path(path).map_err(|error| Failure::read(path, &error));
+        let (report, save_controls) = (job.report.clone(), job.save_controls.clone());
+        let lattice_file = job.lattice.as_ref().and_then(|lattice| lattice.file.clone());
+        let request = Self {
+            model_format: format(&model)?,
+            output_format: format(&output)?,
+            job,
+            model,
+            output,
+            lattice_file,
+            report,
+            save_controls,
+        };
+        request.check_paths(in_place)?;
+        Ok(request)
+    }
+
+    /// Inputs are never overwritten, outputs never one another.
+    fn check_paths(&self, in_place: bool) -> Result<(), Failure> {
+        let outputs = [("the report", &self.report), ("save-controls", &self.save_controls)];
+        for (what, path) in outputs {
+            let Some(path) = path else { continue };
+            let extension = path.extension().map(|e| e.to_ascii_lowercase());
+            if extension.is_none_or(|e| e != "json") {
+                return Err(Failure::file(path, format!("{what} is written as JSON"), "choose a name that ends in .json"));
+            }
+        }
+        let mut taken: Vec<(&str, &Path)> = vec![("the model", &self.model)];
+        taken.extend(self.lattice_file.as_deref().map(|path| ("the lattice file", path)));
+        let written = [("the output", Some(self.output.as_path()).filter(|_| !in_place))]
+            .into_iter()
+            .chain(outputs.map(|(what, path)| (what, path.as_deref())));
+        for (what, path) in written {
+            let Some(path) = path else { continue };
+            if let Some((other, _)) = taken.iter().find(|(_, taken)| files::are_same(taken, path)) {
+                let hint = match *other {
+                    "the model" => "choose another name, or say --in-place to replace the model",
+                    _ => "choose another name",
+                };
+                return Err(Failure::file(path, format!("{what} would overwrite {other}"), hint));
+            }
+            taken.push((what, path));
+        }
+        Ok(())
+    }
+}
+
+/// Reads a job file; paths in it become relative to the working folder.
+fn job_file(path: &Path) -> Result<Job, Failure> {
+    let text = files::text(path)?;
+    let parse: fn(&str) -> _ = match path.extension().and_then(|e| e.to_str()) {
+        Some("toml") => Job::from_toml,
+        Some("json") => Job::from_json,
+        _ => return Err(Failure::file(path, "this is no job file by its name", "job files end in .toml or .json")),
+    };
+    let mut job = parse(&text).map_err(|error| Failure::job_text(path, &error))?;
+    let folder = path.parent().unwrap_or(Path::new(""));
+    let lattice_file = job.lattice.as_mut().and_then(|lattice| lattice.file.as_mut());
+    let paths = [job.model.as_mut(), job.output.as_mut(), job.report.as_mut(), job.save_controls.as_mut(), lattice_file];
+    for path in paths.into_iter().flatten() {
+        *path = folder.join(&*path);
+    }
+    Ok(job)
+}
+
+/// Puts what flags say over what the job says; edits are appended.
+fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
+    let set = |slot: &mut Option<PathBuf>, flag: &Option<PathBuf>| {
+        if flag.is_some() {
+            slot.clone_from(flag);
+        }
+    };
+    set(&mut job.model, &args.model);
+    set(&mut job.output, &args.output);
+    set(&mut job.report, &args.report);
+    set(&mut job.save_controls, &args.save_controls);
+    match args.precision {
+        Some(PrecisionArg::File) => job.precision = Precision::File,
+        Some(PrecisionArg::F64) => job.precision = Precision::F64,
+        None => {}
+    }
+    apply_lattice_flags(job, args)?;
+    for (flag, text) in &args.edits_in_order {
+        job.edit.push(flags::edit(flag, text)?);
+    }
+
+    let preserve = &mut job.preserve;
+    if let Some(text) = &args.volume {
+        preserve.volume = text
+            .parse()
+            .map_err(|error| Failure::usage("--volume", format!("{error}"), "write for example --volume 120%"))?;
+    }
+    match args.preserve.as_deref() {
+        Some("free") if args.volume.is_some() => {
+            return Err(Failure::usage("--preserve", "\"free\" contradicts --volume", "leave one of them out"));
+        }
+        Some("free") => preserve.volume = VolumeTarget::Free,
+        Some("gradient") => (preserve.method, preserve.axes, preserve.shares) = (Some(MethodKind::Gradient), None, None),
+        Some(letters) => {
+            let letters = letters.to_string().try_into().map_err(|error| {
+                Failure::usage("--preserve", format!("{error}"), "write axes such as xy, \"gradient\", or \"free\"")
+            })?;
+            (preserve.method, preserve.axes) = (Some(MethodKind::Axes), Some(Directions::Letters(letters)));
+        }
+        None => {}
+    }
+    if let Some(text) = &args.shares {
+        preserve.shares = Some(flags::shares(text)?);
+    }
+    if let Some(text) = &args.pin {
+        preserve.pin = Some(flags::pin(text)?);
+    }
+    if let Some(text) = &args.falloff {
+        preserve.falloff = Some(flags::falloff(text)?);
+    }
+    match args.open {
+        Some(OpenArg::Cap) => preserve.open = OpenBoundaries::Cap,
+        Some(OpenArg::Refuse) => preserve.open = OpenBoundaries::Refuse,
+        None => {}
+    }
+    Ok(())
+}
+
+fn apply_lattice_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
+    let DeformArgs { lattice, basis, degree, knots, margin, outside, lattice_file, .. } = args;
+    let is_named = lattice.is_some() || basis.is_some() || degree.is_some() || knots.is_some() || margin.is_some();
+    if !is_named && outside.is_none() && lattice_file.is_none() {
+        return Ok(());
+    }
+    if is_named && lattice_file.is_some() {
+        let what = "a lattice file says size, basis, degree, knots and box already";
+        return Err(Failure::usage("--lattice-file", what, "leave the other lattice flags out"));
+    }
+    let request = job.lattice.get_or_insert_default();
+    if let Some(file) = lattice_file {
+        *request = LatticeRequest { file: Some(file.clone()), outside: request.outside, ..LatticeRequest::default() };
+    }
+    if let Some(text) = lattice {
+        request.size = Some(flags::lattice_size(text)?);
+    }
+    if let Some(basis) = basis {
+        request.basis = Some(match basis {
+            BasisArg::Bspline => BasisKind::Bspline,
+            BasisArg::Bernstein => BasisKind::Bernstein,
+        });
+    }
+    if let Some(text) = degree {
+        request.degree = Some(flags::degree(text)?);
+    }
+    if let Some(knots) = knots {
+        request.knots = Some(Knots::Rule(match knots {
+            KnotsArg::Clamped => KnotRule::Clamped,
+            KnotsArg::Uniform => KnotRule::Uniform,
+        }));
+    }
+    if margin.is_some() {
+        request.margin = *margin;
+    }
+    if let Some(outside) = outside {
+        request.outside = match outside {
+            OutsideArg::Keep => Outside::Keep,
+            OutsideArg::Extend => Outside::Extend,
+            OutsideArg::Refuse => Outside::Refuse,
+        };
+    }
+    Ok(())
+}

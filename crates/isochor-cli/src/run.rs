@@ -1,0 +1,134 @@
+//! Running commands.
+
+use std::process::ExitCode;
+
+use isochor::{JobInput, Precision, Report, Source, Stage, Stopwatch};
+use isochor_io::{Document, NumberType, WriteOptions, Written, lattice_from_json, lattice_to_json};
+
+use crate::args::{Cli, Command};
+use crate::failure::Failure;
+use crate::files::{self, Pending};
+use crate::request::Request;
+use crate::terminal::Terminal;
+use crate::{demo, info, pages};
+
+/// Runs what was asked and says with which code to end.
+pub fn command(cli: Cli) -> ExitCode {
+    let terminal = Terminal::new(&cli.output);
+    if let Some(threads) = cli.output.threads {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads.into());
+        if let Err(error) = pool.build_global() {
+            return terminal.failure(&Failure::usage("--threads", error.to_string(), "leave it out to use all cores"));
+        }
+    }
+    let result = match &cli.command {
+        Command::Demo { folder } => demo::run(folder, &terminal),
+        Command::Info { model } => info::run(model, &terminal),
+        Command::Deform(args) => Request::from_args(args).and_then(|request| {
+            let report = deform(&request, &terminal)?;
+            terminal.report(&report, &request);
+            Ok(())
+        }),
+        Command::Completions { shell } => pages::completions(*shell),
+        Command::Man { folder } => pages::man(folder.as_deref()),
+    };
+    match result {
+        Ok(()) => ExitCode::SUCCESS,
+        Err(failure) => terminal.failure(&failure),
+    }
+}
+
+/// Runs a deformation and writes its files: all of them, or none.
+pub fn deform(request: &Request, terminal: &Terminal) -> Result<Report, Failure> {
+    let progress = terminal.progress(Stage::ALL.len() + 2);
+    let mut watch = Stopwatch::start();
+    progress.begin("read");
+    let document = Document::parse(files::bytes(&request.model)?, request.model_format)
+        .map_err(|error| Failure::read(&request.model, &error))?;
+    let source = source(&document);
+    let lattice = match &request.lattice_file {
+        Some(path) => {
+            let lattice = lattice_from_json(&files::text(path)?);
+            Some(lattice.map_err(|error| Failure::lattice_file(path, &error))?)
+        }
+        None => None,
+    };
+    watch.lap("read");
+
+    let input = JobInput { mesh: document.mesh(), source: &source, lattice: lattice.as_ref() };
+    let mut outcome = request.job.run(&input, &mut |stage| progress.begin(stage.name()))?;
+
+    let mut writing = Stopwatch::start();
+    progress.begin("write");
+    let jacobians = if document.has_normals() { outcome.jacobians() } else { None };
+    let (written, notes) = written(request, &document, &outcome.points, jacobians.as_deref())?;
+    outcome.report.warnings.extend(notes);
+    outcome.measure_written(&written.points);
+    let mut pending = Pending::default();
+    pending.add(&request.output, &written.bytes)?;
+    if let Some(path) = &request.save_controls {
+        let Some(controls) = &outcome.controls else {
+            let what = "there is no lattice to save: the job has neither a lattice nor an edit";
+            return Err(Failure::file(path, what, "leave save-controls out, or name a lattice"));
+        };
+        pending.add(path, lattice_to_json(controls).as_bytes())?;
+    }
+    writing.lap("write");
+    let mut report = outcome.report;
+    report.timings_ms.0.splice(0..0, watch.timings().0);
+    report.timings_ms.0.extend(writing.timings().0);
+    if let Some(path) = &request.report {
+        pending.add(path, json(&report).as_bytes())?;
+    }
+    pending.commit()?;
+    progress.end();
+    Ok(report)
+}
+
+/// The output file's bytes, and what a user should know about them.
+fn written(
+    request: &Request,
+    document: &Document,
+    points: &[glam::DVec3],
+    jacobians: Option<&[glam::DMat3]>,
+) -> Result<(Written, Vec<String>), Failure> {
+    let failed = |error| Failure::write(&request.output, &error);
+    let precision = request.job.precision;
+    if request.output_format == document.format() {
+        let written = document.with_points(points, &WriteOptions { precision, jacobians }).map_err(failed)?;
+        let notes = written.warnings.clone();
+        return Ok((written, notes));
+    }
+    let number = match (precision, document.number_type()) {
+        (Precision::File, NumberType::F32) => NumberType::F32,
+        _ if request.output_format == isochor_io::Format::Stl && precision == Precision::File => NumberType::F32,
+        _ => NumberType::F64,
+    };
+    let mesh = document.mesh().with_points(points.to_vec()).map_err(|error| {
+        Failure::write(&request.output, &isochor_io::WriteError::Document(error.to_string()))
+    })?;
+    let new = Document::from_mesh(&mesh, request.output_format, number).map_err(failed)?;
+    let note = format!(
+        "Only points and faces were converted from {} to {}; whatever else the file holds stayed behind.",
+        document.format().name(),
+        request.output_format.name()
+    );
+    // A format may renumber vertices (STL welds corners): the rounded numbers are what is to be measured.
+    let points = points.iter().map(|p| if number == NumberType::F32 { p.as_vec3().as_dvec3() } else { *p }).collect();
+    Ok((Written { bytes: new.bytes().to_vec(), points, warnings: Vec::new() }, vec![note]))
+}
+
+/// What a document says about itself.
+pub fn source(document: &Document) -> Source {
+    Source {
+        format: document.format().name().into(),
+        vertices: document.vertices_in_file(),
+        faces: document.faces_in_file(),
+        warnings: document.warnings().to_vec(),
+    }
+}
+
+/// A report as JSON text.
+pub fn json(report: &impl serde::Serialize) -> String {
+    serde_json::to_string_pretty(report).expect("reports hold plain data") + "\n"
+}

@@ -1,0 +1,153 @@
+//! What a person sees on standard error, and a program on standard output.
+
+use std::path::Path;
+use std::process::ExitCode;
+
+use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
+use isochor::{Health, Report};
+
+use crate::args::OutputArgs;
+use crate::failure::Failure;
+use crate::request::Request;
+use crate::run::json;
+
+/// Where output goes.
+pub struct Terminal {
+    json: bool,
+    quiet: bool,
+}
+
+impl Terminal {
+    pub fn new(args: &OutputArgs) -> Self {
+        Self { json: args.json, quiet: args.quiet }
+    }
+
+    /// Says nothing.
+    pub fn silent() -> Self {
+        Self { json: false, quiet: true }
+    }
+
+    /// A line for people.
+    pub fn say(&self, line: &str) {
+        if !self.quiet {
+            eprintln!("{line}");
+        }
+    }
+
+    /// Data for programs, if they asked for it.
+    pub fn data(&self, data: &impl serde::Serialize) {
+        if self.json {
+            print!("{}", json(data));
+        }
+    }
+
+    /// Tells of a failure and gives its exit code.
+    pub fn failure(&self, failure: &Failure) -> ExitCode {
+        #[derive(serde::Serialize)]
+        struct Reported<'a> {
+            error: &'a Failure,
+        }
+        self.data(&Reported { error: failure });
+        if !(self.json && self.quiet) {
+            eprintln!("error: {}\n  where: {}\n   hint: {}", failure.what, failure.place, failure.hint);
+        }
+        ExitCode::from(failure.exit)
+    }
+
+    /// Shows stages as they begin, where standard error is a terminal.
+    pub fn progress(&self, stages: usize) -> Progress {
+        let target = if self.quiet { ProgressDrawTarget::hidden() } else { ProgressDrawTarget::stderr() };
+        let style = ProgressStyle::with_template("{bar:24.cyan} {msg} {elapsed}").expect("the template is well formed");
+        Progress(ProgressBar::with_draw_target(Some(stages as u64), target).with_style(style))
+    }
+
+    /// Tells what a model is.
+    pub fn health(&self, path: &Path, health: &Health) {
+        self.data(health);
+        if self.json {
+            return;
+        }
+        let yes = |flag: bool| if flag { "yes" } else { "no" };
+        println!("{}: {}", path.display(), health.verdict.sentence());
+        let rows = [
+            ("format", health.format.clone()),
+            ("vertices", format!("{} ({} unused, {} coincident)", health.vertices, health.unused_vertices, health.coincident_vertices)),
+            ("faces", format!("{} ({} triangles, {} without area)", health.faces, health.triangles, health.zero_area_faces)),
+            ("components", health.components.to_string()),
+            ("boundary", format!("{} edges in {} loops", health.boundary_edges, health.boundary_loops)),
+            ("closed", format!("{} ({} edges with more than two faces)", yes(health.closed), health.nonmanifold_edges)),
+            ("oriented", yes(health.oriented).into()),
+            ("balanced", yes(health.balanced).into()),
+            ("genus", health.genus.map_or("undefined".into(), |g| g.to_string())),
+            ("bounds", health.bounds.map_or("none".into(), |[low, high]| format!("{low:?} to {high:?}"))),
+            ("area", format!("{}", health.area)),
+            ("volume", health.volume.as_ref().map_or("undefined".into(), |v| v.total.to_string())),
+        ];
+        for (name, value) in rows {
+            println!("  {name:<11} {value}");
+        }
+        if let Some(volume) = health.volume.as_ref().filter(|v| v.components.len() > 1) {
+            for (c, v) in volume.components.iter().enumerate() {
+                println!("  component {c}: volume {v}");
+            }
+        }
+        for warning in &health.warnings {
+            println!("  note: {warning}");
+        }
+    }
+
+    /// Tells what a deformation did.
+    pub fn report(&self, report: &Report, request: &Request) {
+        self.data(report);
+        for warning in &report.warnings {
+            self.say(&format!("note: {warning}"));
+        }
+        for line in volume_lines(report) {
+            self.say(&line);
+        }
+        let outputs = [Some(&request.output), request.save_controls.as_ref(), request.report.as_ref()];
+        for path in outputs.into_iter().flatten() {
+            self.say(&format!("wrote {}", path.display()));
+        }
+    }
+}
+
+/// The way of the volume through a job, for people.
+pub fn volume_lines(report: &Report) -> Vec<String> {
+    let Some(volume) = &report.volume else { return vec!["volume: the model bounds no body".into()] };
+    let row = volume.overall;
+    let change = |volume: f64| format!("{volume:.12e} ({:+.3} %)", 100.0 * (volume / row.rest - 1.0));
+    let mut lines = vec![format!("volume at rest   {:.12e}", row.rest), format!("       posed     {}", change(row.posed))];
+    if let (Some(target), Some(error)) = (row.target, row.relative_error) {
+        lines.push(format!("       target    {}", change(target)));
+        lines.push(format!("       final     {}, relative error {error:.1e}", change(row.corrected)));
+        if let Some(written) = row.written {
+            let error = ((written - target) / target).abs();
+            lines.push(format!("       written   {}, relative error {error:.1e}", change(written)));
+        }
+        let correction = &report.correction;
+        lines.push(format!(
+            "correction: {}, {}, {} steps; vertices moved by at most {:.3e} ({:.2} % of the extent)",
+            correction.method,
+            correction.status,
+            correction.iterations,
+            correction.max_displacement,
+            100.0 * correction.max_displacement_relative
+        ));
+    }
+    lines
+}
+
+/// The stages of a job on a progress bar.
+pub struct Progress(ProgressBar);
+
+impl Progress {
+    pub fn begin(&self, stage: &'static str) {
+        self.0.set_message(stage);
+        self.0.inc(1);
+    }
+
+    pub fn end(&self) {
+        self.0.finish_and_clear();
+    }
+}

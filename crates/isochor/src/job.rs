@@ -1,0 +1,430 @@
+//! A job: one whole request as data.
+//!
+//! The command line builds it from flags or reads it from a TOML or JSON file; every other front end builds the same
+//! structure. [`Job::run`](crate::Job::run) does the work. Every default is what a newcomer gets, and a missing section
+//! means its defaults: a deformation keeps the volume unless it says `volume = "free"`.
+
+use std::path::PathBuf;
+use std::str::FromStr;
+
+use glam::DVec3;
+
+use crate::edit::Edit;
+use crate::lattice::Outside;
+use crate::select::Selector;
+use crate::volume::OpenBoundaries;
+
+/// One request: model, deformer, edits, what to preserve, output.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct Job {
+    /// The model's file. Relative paths refer to the job file's folder.
+    pub model: Option<PathBuf>,
+    /// Where the result goes; the format follows the extension.
+    pub output: Option<PathBuf>,
+    /// Where the report goes (`.json`), if anywhere.
+    pub report: Option<PathBuf>,
+    /// Where the lattice after the correction goes, if anywhere.
+    pub save_controls: Option<PathBuf>,
+    /// Number type of the written coordinates.
+    pub precision: Precision,
+    /// The lattice. Without it, edits act on the default lattice.
+    pub lattice: Option<LatticeRequest>,
+    /// Edits of the control points, in order.
+    pub edit: Vec<Edit>,
+    /// What must hold in the end.
+    pub preserve: Preserve,
+}
+
+/// Number type of written coordinates.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum Precision {
+    /// As the input file had.
+    #[default]
+    File,
+    /// 64-bit floats.
+    F64,
+}
+
+/// The lattice to deform with: from a file, or made here.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct LatticeRequest {
+    /// A lattice file instead of everything below but `outside`.
+    pub file: Option<PathBuf>,
+    /// Basis; B-splines by default.
+    pub basis: Option<BasisKind>,
+    /// Degree of B-splines along u, v, w; 3 by default.
+    pub degree: Option<PerAxis<usize>>,
+    /// Knots of B-splines; clamped by default.
+    pub knots: Option<Knots>,
+    /// Control points along u, v, w; 6 each by default, or what explicit knots say.
+    pub size: Option<PerAxis<usize>>,
+    /// Fit the frame to the model's bounding box; the default unless `origin` and `axes` are given.
+    pub fit: Option<Fit>,
+    /// Grows a fitted box by this fraction of its extent on every side.
+    pub margin: Option<f64>,
+    /// Corner of an explicit frame, model coordinates.
+    pub origin: Option<DVec3>,
+    /// Whole edge vectors of an explicit frame, one per row.
+    pub axes: Option<[DVec3; 3]>,
+    /// What happens to vertices outside.
+    pub outside: Outside,
+}
+
+/// Kind of basis functions.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum BasisKind {
+    /// B-splines of a chosen degree.
+    #[default]
+    Bspline,
+    /// Bernstein polynomials of degree size − 1.
+    Bernstein,
+}
+
+/// How a frame is found.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum Fit {
+    /// The model's bounding box.
+    #[default]
+    Bounds,
+}
+
+/// One value for all three axes, or one for each.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Deserialize),
+    serde(untagged, expecting = "one whole number or a list of three")
+)]
+pub enum PerAxis<T> {
+    /// The same along u, v, w.
+    All(T),
+    /// Along u, v, w.
+    Each([T; 3]),
+}
+
+impl<T: Copy> PerAxis<T> {
+    /// The values along u, v, w.
+    #[must_use]
+    pub fn each(self) -> [T; 3] {
+        match self {
+            Self::All(value) => [value; 3],
+            Self::Each(values) => values,
+        }
+    }
+}
+
+/// Knots of B-splines.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Deserialize),
+    serde(untagged, expecting = "\"clamped\", \"uniform\" or three explicit knot vectors")
+)]
+pub enum Knots {
+    /// A rule.
+    Rule(KnotRule),
+    /// Full knot vectors (size + degree + 1 numbers, domain [0, 1]) along u, v, w.
+    Explicit([Vec<f64>; 3]),
+}
+
+/// A rule that makes knots.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum KnotRule {
+    /// 0 and 1 repeated degree + 1 times, equidistant between.
+    Clamped,
+    /// `t_i = (i − degree) / (size − degree)`.
+    Uniform,
+}
+
+/// What must hold after the deformation.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct Preserve {
+    /// The wanted volume.
+    pub volume: VolumeTarget,
+    /// How to reach it; "axes" if `axes` or `shares` is given, else "gradient".
+    pub method: Option<MethodKind>,
+    /// Directions of the method "axes", in order; "xyz" by default.
+    pub axes: Option<Directions>,
+    /// Relative share of each direction; equal by default.
+    pub shares: Option<Vec<f64>>,
+    /// What is kept small.
+    pub objective: Objective,
+    /// Control points that do not move.
+    pub pin: Option<Selector>,
+    /// Mobility of the control points.
+    pub mobility: MobilityKind,
+    /// Mobility that falls with the distance from a vertex: HB's local preservation.
+    pub falloff: Option<Falloff>,
+    /// What to do about boundaries.
+    pub open: OpenBoundaries,
+    /// Whether foldings are looked for.
+    pub folds: Folds,
+}
+
+/// How the volume is corrected.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum MethodKind {
+    /// One exact step in all coordinates.
+    Gradient,
+    /// One direction after the other.
+    Axes,
+}
+
+/// What a correction keeps small.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum Objective {
+    /// The squared displacement of the control points, over their mobilities.
+    #[default]
+    Controls,
+}
+
+/// Where mobilities come from, before pins and falloff.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum MobilityKind {
+    /// 1 everywhere, or what the lattice file says.
+    #[default]
+    Uniform,
+}
+
+/// Whether foldings are looked for.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum Folds {
+    /// No.
+    #[default]
+    Off,
+}
+
+/// Mobility `m = exp(−d / radius)`, d the distance at rest between control point and vertex (HB, section 5.2).
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(deny_unknown_fields))]
+pub struct Falloff {
+    /// The vertex, 0-based in file order (STL: distinct corners in order of appearance).
+    pub vertex: usize,
+    /// Distance at which the mobility has fallen to 1/e, in extents of the model.
+    pub radius: f64,
+}
+
+/// Directions to correct along.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Deserialize),
+    serde(untagged, expecting = "letters such as \"xy\" or a list of vectors")
+)]
+pub enum Directions {
+    /// Coordinate axes by their letters.
+    Letters(AxisLetters),
+    /// Any vectors.
+    Vectors(Vec<DVec3>),
+}
+
+/// Axes x, y, z in an order, each at most once.
+#[derive(Clone, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(try_from = "String"))]
+pub struct AxisLetters(String);
+
+impl Default for AxisLetters {
+    fn default() -> Self {
+        Self("xyz".into())
+    }
+}
+
+impl TryFrom<String> for AxisLetters {
+    type Error = ValueError;
+
+    fn try_from(text: String) -> Result<Self, ValueError> {
+        let known = text.chars().all(|c| "xyz".contains(c));
+        let once = text.chars().all(|c| text.matches(c).count() == 1);
+        if text.is_empty() || !known || !once {
+            return Err(ValueError { what: "axes", value: text, expected: "letters x, y, z, each at most once, such as \"xy\"" });
+        }
+        Ok(Self(text))
+    }
+}
+
+impl Directions {
+    /// The directions as vectors.
+    #[must_use]
+    pub fn vectors(&self) -> Vec<DVec3> {
+        match self {
+            Self::Letters(letters) => letters.0.bytes().map(|c| DVec3::AXES[usize::from(c - b'x')]).collect(),
+            Self::Vectors(vectors) => vectors.clone(),
+        }
+    }
+}
+
+/// A text that is no value of its kind.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what} cannot be \"{value}\": it is {expected}")]
+pub struct ValueError {
+    /// What the text was to be.
+    pub what: &'static str,
+    /// The text.
+    pub value: String,
+    /// What is possible.
+    pub expected: &'static str,
+}
+
+/// The wanted volume. Amounts refer to the outward orientation.
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Deserialize),
+    serde(
+        try_from = "VolumeForm",
+        expecting = "\"rest\", \"free\", a percentage such as \"120%\", a number, or { min, max }"
+    )
+)]
+pub enum VolumeTarget {
+    /// As at rest.
+    #[default]
+    Rest,
+    /// Whatever comes out: no correction.
+    Free,
+    /// This much.
+    Amount(Amount),
+    /// Nothing is corrected within the range; outside, its nearer end is wanted.
+    Range {
+        /// At least this much.
+        min: Option<Amount>,
+        /// At most this much.
+        max: Option<Amount>,
+    },
+}
+
+/// A volume.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(try_from = "AmountForm"))]
+pub enum Amount {
+    /// Percent of the rest volume.
+    Percent(f64),
+    /// In the model's unit cubed.
+    Absolute(f64),
+}
+
+impl Amount {
+    /// The volume meant, for a rest volume.
+    #[must_use]
+    pub fn of(self, rest: f64) -> f64 {
+        match self {
+            Self::Percent(100.0) => rest,
+            Self::Percent(percent) => rest * percent / 100.0,
+            Self::Absolute(volume) => volume,
+        }
+    }
+
+    fn checked(self, text: impl FnOnce() -> String) -> Result<Self, ValueError> {
+        let (Self::Percent(value) | Self::Absolute(value)) = self;
+        if value.is_finite() && value > 0.0 {
+            return Ok(self);
+        }
+        Err(ValueError { what: "a volume", value: text(), expected: "more than 0: a number or a percentage such as \"120%\"" })
+    }
+}
+
+impl FromStr for Amount {
+    type Err = ValueError;
+
+    fn from_str(text: &str) -> Result<Self, ValueError> {
+        let (number, amount): (_, fn(f64) -> Self) = match text.trim().strip_suffix('%') {
+            Some(percent) => (percent.trim(), Self::Percent),
+            None => (text.trim(), Self::Absolute),
+        };
+        amount(number.parse().unwrap_or(f64::NAN)).checked(|| text.into())
+    }
+}
+
+impl FromStr for VolumeTarget {
+    type Err = ValueError;
+
+    /// `rest`, `free`, `120%`, `0.5`, or a range: `95%..105%`, `95%..`, `..0.5`.
+    fn from_str(text: &str) -> Result<Self, ValueError> {
+        if let Some((min, max)) = text.split_once("..") {
+            let end = |text: &str| if text.trim().is_empty() { Ok(None) } else { text.parse().map(Some) };
+            return Self::range(end(min)?, end(max)?);
+        }
+        match text.trim() {
+            "rest" => Ok(Self::Rest),
+            "free" => Ok(Self::Free),
+            amount => amount.parse().map(Self::Amount).map_err(|_: ValueError| ValueError {
+                what: "volume",
+                value: text.into(),
+                expected: "\"rest\", \"free\", a percentage such as \"120%\", a number above 0, or a range { min, max }",
+            }),
+        }
+    }
+}
+
+impl VolumeTarget {
+    fn range(min: Option<Amount>, max: Option<Amount>) -> Result<Self, ValueError> {
+        if min.is_none() && max.is_none() {
+            let value = "{}".into();
+            return Err(ValueError { what: "a range of volumes", value, expected: "{ min, max }, at least one of them" });
+        }
+        Ok(Self::Range { min, max })
+    }
+}
+
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+#[serde(untagged, expecting = "a volume is a number or a percentage such as \"120%\"")]
+enum AmountForm {
+    Number(f64),
+    Text(String),
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<AmountForm> for Amount {
+    type Error = ValueError;
+
+    fn try_from(form: AmountForm) -> Result<Self, ValueError> {
+        match form {
+            AmountForm::Number(volume) => Self::Absolute(volume).checked(|| volume.to_string()),
+            AmountForm::Text(text) => text.parse(),
+        }
+    }
+}
+
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+#[serde(
+    untagged,
+    expecting = "volume is \"rest\", \"free\", a percentage such as \"120%\", a number above 0, or { min, max }"
+)]
+enum VolumeForm {
+    Number(f64),
+    Text(String),
+    Range(RangeForm),
+}
+
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+#[serde(deny_unknown_fields)]
+struct RangeForm {
+    min: Option<Amount>,
+    max: Option<Amount>,
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<VolumeForm> for VolumeTarget {
+    type Error = ValueError;
+
+    fn try_from(form: VolumeForm) -> Result<Self, ValueError> {
+        match form {
+            VolumeForm::Number(volume) => Amount::try_from(AmountForm::Number(volume)).map(Self::Amount),
+            VolumeForm::Text(text) => text.parse(),
+            VolumeForm::Range(RangeForm { min, max }) => Self::range(min, max),
+        }
+    }
+}

@@ -1,0 +1,106 @@
+//! Jobs as TOML and JSON text.
+
+use crate::job::Job;
+
+/// Why a text is no job.
+#[derive(Clone, Debug, PartialEq, Eq, thiserror::Error)]
+#[error("{what}{}", .nearest.as_ref().map(|n| format!(" (did you mean `{n}`?)")).unwrap_or_default())]
+pub struct JobTextError {
+    /// What is wrong, with the offending key or value.
+    pub what: String,
+    /// Line, from 1.
+    pub line: Option<usize>,
+    /// Column, from 1.
+    pub column: Option<usize>,
+    /// The known key that is most like an unknown one.
+    pub nearest: Option<String>,
+}
+
+impl Job {
+    /// Reads a job from TOML.
+    ///
+    /// # Errors
+    ///
+    /// Text that is not TOML, unknown keys (named with the nearest known one), values of the wrong kind.
+    pub fn from_toml(text: &str) -> Result<Self, JobTextError> {
+        toml::from_str(text).map_err(|error| {
+            let before = error.span().map(|span| &text[..span.start]);
+            JobTextError::new(
+                error.message(),
+                before.map(|text| text.matches('\n').count() + 1),
+                before.map(|text| text.chars().rev().take_while(|c| *c != '\n').count() + 1),
+            )
+        })
+    }
+
+    /// Reads a job from JSON.
+    ///
+    /// # Errors
+    ///
+    /// As [`Job::from_toml`].
+    pub fn from_json(text: &str) -> Result<Self, JobTextError> {
+        serde_json::from_str(text).map_err(|error| {
+            let what = error.to_string();
+            let what = what.split(" at line ").next().unwrap_or(&what);
+            JobTextError::new(what, Some(error.line()), Some(error.column()))
+        })
+    }
+}
+
+impl JobTextError {
+    fn new(what: &str, line: Option<usize>, column: Option<usize>) -> Self {
+        Self { what: what.trim().into(), line, column, nearest: nearest(what) }
+    }
+}
+
+/// The known name most like the unknown one in a message such as "unknown field `a`, expected one of `b`, `c`".
+fn nearest(message: &str) -> Option<String> {
+    let names: Vec<&str> = message.split('`').skip(1).step_by(2).collect();
+    let (unknown, known) = names.split_first()?;
+    let likeness = |name: &str| strsim::jaro_winkler(unknown, name);
+    let best = known.iter().max_by(|a, b| likeness(a).total_cmp(&likeness(b)))?;
+    (message.contains("unknown") && likeness(best) > 0.7).then(|| (*best).into())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::job::{Amount, Preserve, VolumeTarget};
+
+    fn volume(text: &str) -> Result<VolumeTarget, JobTextError> {
+        Job::from_toml(&format!("[preserve]\nvolume = {text}")).map(|job| job.preserve.volume)
+    }
+
+    #[test]
+    fn volumes_in_all_their_forms() {
+        assert_eq!(volume("\"rest\""), Ok(VolumeTarget::Rest));
+        assert_eq!(volume("\"free\""), Ok(VolumeTarget::Free));
+        assert_eq!(volume("\"120%\""), Ok(VolumeTarget::Amount(Amount::Percent(120.0))));
+        assert_eq!(volume("0.25"), Ok(VolumeTarget::Amount(Amount::Absolute(0.25))));
+        assert_eq!(volume("2"), Ok(VolumeTarget::Amount(Amount::Absolute(2.0))));
+        let range = VolumeTarget::Range { min: Some(Amount::Percent(95.0)), max: Some(Amount::Absolute(3.0)) };
+        assert_eq!(volume("{ min = \"95%\", max = 3.0 }"), Ok(range));
+        assert_eq!("95%..3".parse(), Ok(range));
+        for bad in ["-1", "0", "\"-5%\"", "nan", "\"much\"", "{}", "{ least = 1 }", "[1]"] {
+            assert!(volume(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn unknown_keys_name_the_nearest_and_the_place() {
+        let error = Job::from_toml("model = \"a.obj\"\n[lattice]\ndegre = 3\n").unwrap_err();
+        assert_eq!((error.line, error.nearest.as_deref()), (Some(3), Some("degree")));
+        assert!(error.what.contains("degre"), "{error}");
+        let error = Job::from_json("{\n \"presrve\": {}}").unwrap_err();
+        assert_eq!((error.line, error.nearest.as_deref()), (Some(2), Some("preserve")));
+        let error = Job::from_toml("[[edit]]\ntwsit = { axis = \"z\", degrees = 9 }").unwrap_err();
+        assert_eq!(error.nearest.as_deref(), Some("twist"));
+    }
+
+    #[test]
+    fn an_empty_job_preserves_the_volume() {
+        let job = Job::from_toml("").unwrap();
+        assert_eq!(job, Job::default());
+        assert_eq!(job.preserve, Preserve { volume: VolumeTarget::Rest, ..Preserve::default() });
+    }
+}

@@ -1,0 +1,647 @@
+//! Running a job: from a mesh to posed, corrected points and a report.
+//!
+//! All arithmetic is done relative to [`Bounds::lossless_origin`], so that a model far from the origin loses nothing; the
+//! origin is added back at the end, and what that rounding costs is measured and reported.
+
+use glam::{DMat3, DVec3};
+
+use crate::binding::displaced;
+use crate::bspline::{Basis, BasisError};
+use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Status, correct};
+use crate::edit::EditError;
+use crate::health::{Health, Source};
+use crate::job::{
+    AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, Knots, LatticeRequest, MethodKind, Preserve, VolumeTarget,
+};
+use crate::lattice::{Frame, Lattice, LatticeError, Outside};
+use crate::mesh::{Bounds, Mesh};
+use crate::report::{CorrectionReport, Report, Stopwatch, VolumeReport, VolumeRow};
+use crate::select::{ControlSpace, SelectError};
+use crate::tolerances;
+use crate::topology::topology;
+use crate::volume::{OpenBoundaries, Solid, SolidError, Volumes};
+
+/// A lattice with a pose, as files hold it: model coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosedLattice {
+    /// Bases and frame.
+    pub lattice: Lattice,
+    /// Rest positions C⁰ (#controls × 3).
+    pub rest: Vec<DVec3>,
+    /// Posed positions C (#controls × 3).
+    pub posed: Vec<DVec3>,
+    /// Mobility of each control coordinate (#controls × 3); `None`: 1 everywhere.
+    pub mobility: Option<Vec<DVec3>>,
+}
+
+/// What a job works on: files have been read by the caller.
+#[derive(Clone, Copy, Debug)]
+pub struct JobInput<'a> {
+    /// The model.
+    pub mesh: &'a Mesh,
+    /// Where it came from.
+    pub source: &'a Source,
+    /// The lattice of [`LatticeRequest::file`], where the job names one.
+    pub lattice: Option<&'a PosedLattice>,
+}
+
+/// A stage of a job, for progress displays.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Stage {
+    /// Topology and rest volume.
+    Examine,
+    /// Weights of every vertex.
+    Bind,
+    /// Edits and posed vertices.
+    Deform,
+    /// Volume correction.
+    Correct,
+}
+
+impl Stage {
+    /// All stages in order.
+    pub const ALL: [Self; 4] = [Self::Examine, Self::Bind, Self::Deform, Self::Correct];
+
+    /// Its name, also the key of its time in the report.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Examine => "examine",
+            Self::Bind => "bind",
+            Self::Deform => "deform",
+            Self::Correct => "correct",
+        }
+    }
+}
+
+/// The result of a job.
+#[derive(Clone, Debug)]
+pub struct Outcome {
+    /// Deformed points (#vertices × 3), model coordinates. Points that did not move have the bits they had.
+    pub points: Vec<DVec3>,
+    /// The lattice after the correction, model coordinates; `None` where the job deforms nothing.
+    pub controls: Option<PosedLattice>,
+    /// What happened.
+    pub report: Report,
+    /// The body, where the model bounds one.
+    body: Option<Body>,
+    deformation: Option<Deformation>,
+}
+
+/// A lattice deformation, relative to the job's origin.
+#[derive(Clone, Debug)]
+struct Deformation {
+    lattice: Lattice,
+    /// C + δ − C⁰ (#controls × 3).
+    displacement: Vec<DVec3>,
+    outside: Outside,
+    rest_points: Vec<DVec3>,
+}
+
+/// Why a job gives no result.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum JobError {
+    /// The lattice cannot be made, or vertices are outside.
+    #[error(transparent)]
+    Lattice(#[from] LatticeError),
+    /// An edit is impossible.
+    #[error("edit {}: {source}", .index + 1)]
+    Edit {
+        /// Its place in the list, from 0.
+        index: usize,
+        /// What is wrong with it.
+        source: EditError,
+    },
+    /// A pin picks no control points.
+    #[error("pin: {0}")]
+    Pin(SelectError),
+    /// The model bounds no body whose volume could be preserved.
+    #[error(transparent)]
+    Solid(#[from] SolidError),
+    /// The model encloses nothing.
+    #[error("the model encloses no volume: |{volume:e}| is rounding noise for its area and extent")]
+    NoVolume {
+        /// What was measured.
+        volume: f64,
+    },
+    /// The correction is impossible.
+    #[error(transparent)]
+    Correct(#[from] CorrectError),
+    /// Values that contradict one another or are out of range.
+    #[error("{key} {problem}")]
+    Value {
+        /// The key.
+        key: &'static str,
+        /// What is wrong with its value.
+        problem: String,
+    },
+    /// A vertex that does not exist.
+    #[error("{key} names vertex {vertex}, but the model has {vertices} (0 to {})", .vertices.saturating_sub(1))]
+    MissingVertex {
+        /// The key.
+        key: &'static str,
+        /// The vertex.
+        vertex: usize,
+        /// Number of vertices.
+        vertices: usize,
+    },
+}
+
+impl JobError {
+    /// Whether the request is sound but cannot be met; otherwise the input is bad.
+    #[must_use]
+    pub fn is_unreachable(&self) -> bool {
+        matches!(
+            self,
+            Self::Correct(CorrectError::Impossible { .. })
+                | Self::Lattice(LatticeError::Outside { .. })
+                | Self::Solid(_)
+                | Self::NoVolume { .. }
+        )
+    }
+
+    /// A short word for programs.
+    #[must_use]
+    pub fn code(&self) -> &'static str {
+        match self {
+            Self::Lattice(LatticeError::Outside { .. }) => "outside",
+            Self::Lattice(_) => "lattice",
+            Self::Edit { .. } => "edit",
+            Self::Pin(_) => "pin",
+            Self::Solid(SolidError::Open { .. }) => "open",
+            Self::Solid(SolidError::Winding { .. }) => "winding",
+            Self::Solid(_) | Self::NoVolume { .. } => "no-volume",
+            Self::Correct(CorrectError::Impossible { .. }) => "impossible",
+            Self::Correct(_) => "correct",
+            Self::Value { .. } => "value",
+            Self::MissingVertex { .. } => "missing-vertex",
+        }
+    }
+
+    /// The part of the job that is meant.
+    #[must_use]
+    pub fn place(&self) -> String {
+        match self {
+            Self::Lattice(LatticeError::Outside { .. }) => "lattice.outside".into(),
+            Self::Lattice(_) => "lattice".into(),
+            Self::Edit { index, .. } => format!("edit[{index}]"),
+            Self::Pin(_) => "preserve.pin".into(),
+            Self::Solid(SolidError::Open { .. }) => "preserve.open".into(),
+            Self::Solid(_) | Self::NoVolume { .. } => "model".into(),
+            Self::Correct(_) => "preserve".into(),
+            Self::Value { key, .. } | Self::MissingVertex { key, .. } => (*key).into(),
+        }
+    }
+
+    /// What to do about it.
+    #[must_use]
+    pub fn hint(&self) -> &'static str {
+        match self {
+            Self::Lattice(LatticeError::Outside { .. }) => {
+                "enlarge the lattice (margin), or choose outside = \"keep\" or \"extend\""
+            }
+            Self::Lattice(_) => "change the size, degree, knots or frame of the lattice",
+            Self::Edit { .. } => "correct the edit; its formulas and keys are on the docs page of edits",
+            Self::Pin(_) => "choose control points that exist",
+            Self::Solid(SolidError::Open { .. }) => "close the model, or allow virtual caps with open = \"cap\"",
+            Self::Solid(SolidError::Winding { .. }) => {
+                "orient the faces consistently in a modelling program, or deform with volume = \"free\""
+            }
+            Self::Solid(_) | Self::NoVolume { .. } => "deform with volume = \"free\"",
+            Self::Correct(CorrectError::Impossible { .. }) => {
+                "free more controls, choose other axes, enlarge the lattice, or ask for another volume"
+            }
+            Self::Correct(_) => "correct the named value",
+            Self::Value { .. } => "correct or leave out the key",
+            Self::MissingVertex { .. } => "vertices are counted from 0 in file order",
+        }
+    }
+}
+
+impl Job {
+    /// Runs the job. `on_stage` is called as each stage begins.
+    ///
+    /// Without a deformer and without edits the points come back bit for bit, whatever the model is, unless a volume is
+    /// asked for other than that at rest.
+    ///
+    /// # Errors
+    ///
+    /// Impossible requests and bad values; see [`JobError::is_unreachable`] for which is which.
+    pub fn run(&self, input: &JobInput, on_stage: &mut dyn FnMut(Stage)) -> Result<Outcome, JobError> {
+        let mut watch = Stopwatch::start();
+        on_stage(Stage::Examine);
+        let mesh = input.mesh;
+        let topology = topology(mesh);
+        let (health, solid) = Health::of(mesh, &topology, input.source);
+        let mut warnings = health.warnings.clone();
+        let report = |volume, correction, warnings, watch: Stopwatch| Report {
+            version: env!("CARGO_PKG_VERSION").into(),
+            model: health,
+            volume,
+            correction,
+            folds: "off".into(),
+            timings_ms: watch.timings(),
+            warnings,
+        };
+        watch.lap(Stage::Examine.name());
+        if self.changes_nothing() {
+            let body = solid.ok().map(|solid| Body::at_rest(solid, mesh.points()));
+            let volume = body.as_ref().map(|body| body.rows(&body.rest, &body.rest));
+            let report = report(volume, CorrectionReport::not_asked(), warnings, watch);
+            return Ok(Outcome { points: mesh.points().to_vec(), controls: None, report, body, deformation: None });
+        }
+
+        on_stage(Stage::Bind);
+        let bounds = mesh.bounds().ok_or(SolidError::NoFaces)?;
+        let (origin, extent) = (bounds.lossless_origin(), bounds.extent());
+        let rest_points: Vec<DVec3> = mesh.points().iter().map(|p| *p - origin).collect();
+        let near = Bounds { min: bounds.min - origin, max: bounds.max - origin };
+        let controls = self.controls(input, near, origin, &mut warnings)?;
+        let outside = self.lattice.as_ref().map(|request| request.outside).unwrap_or_default();
+        let binding = controls.lattice.bind(&rest_points, outside)?;
+        if binding.kept_count() > 0 {
+            let (kept, all) = (binding.kept_count(), binding.vertex_count());
+            warnings.push(format!("{kept} of {all} vertices are outside the lattice and stay where they are."));
+        }
+        watch.lap(Stage::Bind.name());
+
+        on_stage(Stage::Deform);
+        let space = ControlSpace {
+            rest: &controls.rest,
+            size: controls.lattice.size(),
+            bounds: controls.lattice.frame().bounds(),
+            extent,
+            origin,
+        };
+        let mut posed = controls.posed.clone();
+        for (index, edit) in self.edit.iter().enumerate() {
+            edit.apply(&mut posed, &space).map_err(|source| JobError::Edit { index, source })?;
+        }
+        let mut displacement: Vec<DVec3> = posed.iter().zip(&controls.rest).map(|(p, r)| *p - *r).collect();
+        let mut points = displaced(&rest_points, &binding.apply(&displacement));
+        watch.lap(Stage::Deform.name());
+
+        on_stage(Stage::Correct);
+        let (volume, correction, body);
+        if self.preserve.volume == VolumeTarget::Free {
+            body = solid.ok().map(|solid| Body::at_rest(solid, mesh.points()));
+            volume = body.as_ref().map(|body| {
+                let posed = body.solid.volumes(&points);
+                body.rows(&posed, &posed)
+            });
+            correction = CorrectionReport::not_asked();
+        } else {
+            if self.preserve.open == OpenBoundaries::Refuse {
+                Solid::new(mesh, &topology, OpenBoundaries::Refuse)?;
+            }
+            let kept = Body::at_rest(solid?, mesh.points());
+            if kept.solid.encloses_nothing(mesh.points(), kept.rest.total) {
+                return Err(JobError::NoVolume { volume: kept.rest.total });
+            }
+            let options = CorrectOptions {
+                method: self.method()?,
+                mobility: Some(self.mobility(controls.mobility.as_deref(), &space, &rest_points)?),
+            };
+            let posed_volumes = kept.solid.volumes(&points);
+            let target = target_volume(&self.preserve.volume, &kept, &posed_volumes)?;
+            let pose = Pose { solid: &kept.solid, vertices: &points, binding: &binding };
+            let corrected = correct(&pose, target * kept.orientation, &options)?;
+            if corrected.status == Status::RoundingLimited {
+                warnings.push(format!(
+                    "The model is so thin that the rounding of its coordinates limits the volume to a relative error of \
+                     {:.1e}.",
+                    corrected.relative_error
+                ));
+            }
+            correction = CorrectionReport::of(&corrected, &options.method, &points, extent);
+            displacement = displaced(&displacement, &corrected.displacement);
+            posed = displaced(&posed, &corrected.displacement);
+            points = corrected.vertices;
+            let mut rows = kept.rows(&posed_volumes, &kept.solid.volumes(&points));
+            rows.overall.target = Some(target);
+            rows.overall.relative_error = Some(((rows.overall.corrected - target) / target).abs());
+            volume = Some(rows);
+            body = Some(kept);
+        }
+        watch.lap(Stage::Correct.name());
+
+        let saved = controls.in_model_coordinates(&posed, origin)?;
+        Ok(Outcome {
+            points: points.iter().map(|p| *p + origin).collect(),
+            controls: Some(saved),
+            report: report(volume, correction, warnings, watch),
+            body,
+            deformation: Some(Deformation { lattice: controls.lattice, displacement, outside, rest_points }),
+        })
+    }
+
+    /// Whether nothing is to be deformed or reached.
+    fn changes_nothing(&self) -> bool {
+        let asks_for_volume = !matches!(self.preserve.volume, VolumeTarget::Rest | VolumeTarget::Free);
+        self.lattice.is_none() && self.edit.is_empty() && !asks_for_volume
+    }
+
+    /// The lattice of the job, relative to `origin`.
+    fn controls(
+        &self,
+        input: &JobInput,
+        bounds: Bounds,
+        origin: DVec3,
+        warnings: &mut Vec<String>,
+    ) -> Result<Controls, JobError> {
+        let default_request = LatticeRequest::default();
+        let request = self.lattice.as_ref().unwrap_or(&default_request);
+        match (&request.file, input.lattice) {
+            (None, _) => Controls::made(request, bounds, origin, warnings),
+            (Some(_), Some(file)) => Controls::of_file(request, file, origin, warnings),
+            (Some(path), None) => {
+                let problem = format!("names {}, which was not loaded", path.display());
+                Err(JobError::Value { key: "lattice.file", problem })
+            }
+        }
+    }
+
+    fn method(&self) -> Result<Method, JobError> {
+        let Preserve { method, axes, shares, .. } = &self.preserve;
+        let wants_axes = axes.is_some() || shares.is_some();
+        match method {
+            Some(MethodKind::Gradient) if wants_axes => {
+                let problem = "\"gradient\" takes no axes or shares; leave it out, or choose \"axes\"".into();
+                Err(JobError::Value { key: "preserve.method", problem })
+            }
+            Some(MethodKind::Axes) => Ok(self.axes_method()),
+            None if wants_axes => Ok(self.axes_method()),
+            _ => Ok(Method::Gradient),
+        }
+    }
+
+    fn axes_method(&self) -> Method {
+        let Preserve { axes, shares, .. } = &self.preserve;
+        let directions = axes.clone().unwrap_or_else(|| Directions::Letters(AxisLetters::default())).vectors();
+        Method::Axes { directions, shares: shares.clone() }
+    }
+
+    /// Mobility of each control coordinate: of the lattice file, times falloff, times what pins leave.
+    fn mobility(
+        &self,
+        of_file: Option<&[DVec3]>,
+        space: &ControlSpace,
+        rest_points: &[DVec3],
+    ) -> Result<Vec<DVec3>, JobError> {
+        let mut mobility = of_file.map_or_else(|| vec![DVec3::ONE; space.rest.len()], <[DVec3]>::to_vec);
+        if let Some(Falloff { vertex, radius }) = self.preserve.falloff {
+            let key = "preserve.falloff";
+            let vertices = rest_points.len();
+            let center = *rest_points.get(vertex).ok_or(JobError::MissingVertex { key, vertex, vertices })?;
+            if !(radius > 0.0 && radius.is_finite()) {
+                let problem = format!("has radius {radius}: it must be more than 0, in extents");
+                return Err(JobError::Value { key, problem });
+            }
+            for (m, rest) in mobility.iter_mut().zip(space.rest) {
+                *m *= (-rest.distance(center) / (radius * space.extent)).exp();
+            }
+        }
+        if let Some(pin) = &self.preserve.pin {
+            for (m, weight) in mobility.iter_mut().zip(pin.weights(space).map_err(JobError::Pin)?) {
+                *m *= 1.0 - weight;
+            }
+        }
+        Ok(mobility)
+    }
+}
+
+impl Outcome {
+    /// Jacobian matrices ∂(deformed)/∂(rest) at each vertex (#vertices), which carry normals. `None` where the job
+    /// deformed nothing.
+    #[must_use]
+    pub fn jacobians(&self) -> Option<Vec<DMat3>> {
+        let d = self.deformation.as_ref()?;
+        Some(d.lattice.jacobians(&d.rest_points, &d.displacement, d.outside))
+    }
+
+    /// Adds to the report what volume the *written* points have (#vertices × 3, model coordinates, as rounded to the
+    /// file's number type).
+    ///
+    /// # Panics
+    ///
+    /// Panics where the number of points is not the number of vertices.
+    pub fn measure_written(&mut self, points: &[DVec3]) {
+        if let (Some(body), Some(rows)) = (&self.body, &mut self.report.volume) {
+            let written = body.solid.volumes(points);
+            rows.overall.written = Some(written.total * body.orientation);
+            for (row, volume) in rows.components.iter_mut().zip(written.components) {
+                row.written = Some(volume * body.orientation);
+            }
+        }
+    }
+}
+
+/// A body and its volumes at rest.
+#[derive(Clone, Debug)]
+struct Body {
+    solid: Solid,
+    rest: Volumes,
+    /// −1 where the model is inside out, else 1.
+    orientation: f64,
+}
+
+impl Body {
+    fn at_rest(solid: Solid, points: &[DVec3]) -> Self {
+        let rest = solid.volumes(points);
+        let orientation = if rest.total < 0.0 { -1.0 } else { 1.0 };
+        Self { solid, rest, orientation }
+    }
+
+    /// The report's rows, oriented outwards.
+    fn rows(&self, posed: &Volumes, corrected: &Volumes) -> VolumeReport {
+        let row = |rest: f64, posed: f64, corrected: f64| VolumeRow {
+            rest: rest * self.orientation,
+            posed: posed * self.orientation,
+            target: None,
+            corrected: corrected * self.orientation,
+            written: None,
+            relative_error: None,
+        };
+        let by_component = self.rest.components.iter().zip(&posed.components).zip(&corrected.components);
+        VolumeReport {
+            overall: row(self.rest.total, posed.total, corrected.total),
+            components: by_component.map(|((rest, posed), corrected)| row(*rest, *posed, *corrected)).collect(),
+        }
+    }
+}
+
+/// The volume that is wanted of a body whose pose has the volumes `posed`; outward orientation.
+fn target_volume(wanted: &VolumeTarget, body: &Body, posed: &Volumes) -> Result<f64, JobError> {
+    let (rest, posed) = (body.rest.total * body.orientation, posed.total * body.orientation);
+    match *wanted {
+        VolumeTarget::Rest => Ok(rest),
+        VolumeTarget::Free => Ok(posed),
+        VolumeTarget::Amount(amount) => Ok(amount.of(rest)),
+        VolumeTarget::Range { min, max } => {
+            let low = min.map_or(f64::NEG_INFINITY, |amount| amount.of(rest));
+            let high = max.map_or(f64::INFINITY, |amount| amount.of(rest));
+            if low > high {
+                let problem = format!("is a range from {low} to {high}: min must not exceed max");
+                return Err(JobError::Value { key: "preserve.volume", problem });
+            }
+            Ok(posed.clamp(low, high))
+        }
+    }
+}
+
+/// A lattice and its controls, relative to the job's origin.
+struct Controls {
+    lattice: Lattice,
+    rest: Vec<DVec3>,
+    posed: Vec<DVec3>,
+    mobility: Option<Vec<DVec3>>,
+    /// The lattice file, if there is one: model coordinates that did not change come back with their bits.
+    file: Option<PosedLattice>,
+}
+
+impl Controls {
+    fn at_rest(lattice: Lattice) -> Self {
+        let rest = lattice.rest();
+        Self { lattice, posed: rest.clone(), rest, mobility: None, file: None }
+    }
+
+    fn of_file(
+        request: &LatticeRequest,
+        file: &PosedLattice,
+        origin: DVec3,
+        warnings: &mut Vec<String>,
+    ) -> Result<Self, JobError> {
+        let LatticeRequest { basis, degree, knots, size, fit, margin, origin: corner, axes, file: _, outside: _ } = request;
+        let given = [
+            ("lattice.basis", basis.is_some()),
+            ("lattice.degree", degree.is_some()),
+            ("lattice.knots", knots.is_some()),
+            ("lattice.size", size.is_some()),
+            ("lattice.fit", fit.is_some()),
+            ("lattice.margin", margin.is_some()),
+            ("lattice.origin", corner.is_some()),
+            ("lattice.axes", axes.is_some()),
+        ];
+        if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {
+            let problem = "cannot be combined with lattice.file, which says it already".into();
+            return Err(JobError::Value { key, problem });
+        }
+        let lattice = Lattice::new(file.lattice.bases().clone(), file.lattice.frame().moved(-origin))?;
+        let near = |positions: &[DVec3]| positions.iter().map(|p| *p - origin).collect::<Vec<_>>();
+        let greville = file.lattice.rest();
+        let apart = file.rest.iter().zip(&greville).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
+        if apart > tolerances::INSIDE * lattice.frame().extent() {
+            warnings.push(format!(
+                "The rest positions of the lattice file are up to {apart:.3e} away from those that reproduce the model; only \
+                 the difference between rest and posed deforms it."
+            ));
+        }
+        Ok(Self {
+            lattice,
+            rest: near(&file.rest),
+            posed: near(&file.posed),
+            mobility: file.mobility.clone(),
+            file: Some(file.clone()),
+        })
+    }
+
+    fn made(
+        request: &LatticeRequest,
+        bounds: Bounds,
+        origin: DVec3,
+        warnings: &mut Vec<String>,
+    ) -> Result<Self, JobError> {
+        let bases = bases(request, warnings)?;
+        let frame = match (request.origin, request.axes) {
+            (Some(corner), Some(axes)) => {
+                for (key, given) in [("lattice.fit", request.fit.is_some()), ("lattice.margin", request.margin.is_some())] {
+                    if given {
+                        let problem = "cannot be combined with an explicit origin and axes".into();
+                        return Err(JobError::Value { key, problem });
+                    }
+                }
+                Frame { origin: corner - origin, axes }
+            }
+            (None, None) => {
+                let sides = bounds.size();
+                if sides.min_element() <= tolerances::FLAT_SIDE * bounds.extent() {
+                    warnings.push("The model is flat, so its lattice is a tenth of the extent thick.".into());
+                }
+                let margin = request.margin.unwrap_or(0.0);
+                if !margin.is_finite() {
+                    let problem = format!("is {margin}: it must be a finite fraction of the extent");
+                    return Err(JobError::Value { key: "lattice.margin", problem });
+                }
+                Frame::fitted(bounds, margin)?
+            }
+            (Some(_), None) => {
+                let problem = "needs axes = [[…], […], […]] beside it, the edges of the frame".into();
+                return Err(JobError::Value { key: "lattice.origin", problem });
+            }
+            (None, Some(_)) => {
+                let problem = "needs origin = [x, y, z] beside it, the corner of the frame".into();
+                return Err(JobError::Value { key: "lattice.axes", problem });
+            }
+        };
+        Ok(Self::at_rest(Lattice::new(bases, frame)?))
+    }
+
+    /// The controls with `posed` instead of their pose, in model coordinates.
+    fn in_model_coordinates(&self, posed: &[DVec3], origin: DVec3) -> Result<PosedLattice, JobError> {
+        let far = |positions: &[DVec3]| positions.iter().map(|p| *p + origin).collect::<Vec<_>>();
+        let Some(file) = &self.file else {
+            let lattice = Lattice::new(self.lattice.bases().clone(), self.lattice.frame().moved(origin))?;
+            return Ok(PosedLattice { lattice, rest: far(&self.rest), posed: far(posed), mobility: None });
+        };
+        let unmoved = |i: usize, a: usize| posed[i][a] == self.posed[i][a];
+        let coordinate = |i: usize, a: usize| if unmoved(i, a) { file.posed[i][a] } else { posed[i][a] + origin[a] };
+        let posed = (0..posed.len()).map(|i| DVec3::from_array([0, 1, 2].map(|a| coordinate(i, a)))).collect();
+        Ok(PosedLattice { posed, ..file.clone() })
+    }
+}
+
+/// The bases that a request asks for.
+fn bases(request: &LatticeRequest, warnings: &mut Vec<String>) -> Result<[Basis; 3], JobError> {
+    /// Control points per axis for a newcomer: enough to bend and twist, few enough to grasp.
+    const SIZE: usize = 6;
+    /// Cubic: curvature is continuous.
+    const DEGREE: usize = 3;
+    let is_bernstein = request.basis == Some(BasisKind::Bernstein);
+    if is_bernstein && (request.degree.is_some() || request.knots.is_some()) {
+        warnings.push("Degree and knots belong to B-splines; a Bernstein basis has degree size − 1 and needs none.".into());
+    }
+    let explicit = match &request.knots {
+        Some(Knots::Explicit(vectors)) if !is_bernstein => Some(vectors),
+        _ => None,
+    };
+    let degree = request.degree.map_or([DEGREE; 3], |d| d.each());
+    let size = request.size.map(|s| s.each());
+    let mut bases = Vec::with_capacity(3);
+    for (a, axis) in ['u', 'v', 'w'].into_iter().enumerate() {
+        let basis = if let Some(vectors) = explicit {
+            let basis = Basis::with_knots(vectors[a].clone(), degree[a]);
+            if let (Ok(basis), Some(size)) = (&basis, size)
+                && basis.size() != size[a]
+            {
+                let problem = format!("along {axis} makes {} control points, but size says {}", basis.size(), size[a]);
+                return Err(JobError::Value { key: "lattice.knots", problem });
+            }
+            basis
+        } else {
+            let size = size.map_or(SIZE, |s| s[a]);
+            let degree = if degree[a] >= size && size >= 2 && !is_bernstein {
+                warnings.push(format!("Along {axis}, {size} control points lower the degree to {}.", size - 1));
+                size - 1
+            } else {
+                degree[a]
+            };
+            match (is_bernstein, &request.knots) {
+                (true, _) => Basis::bernstein(size),
+                (false, Some(Knots::Rule(KnotRule::Uniform))) => Basis::uniform(size, degree),
+                _ => Basis::clamped(size, degree),
+            }
+        };
+        bases.push(basis.map_err(|source: BasisError| LatticeError::Basis { axis, source })?);
+    }
+    Ok(bases.try_into().expect("three axes"))
+}

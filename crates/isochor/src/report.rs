@@ -1,0 +1,157 @@
+//! What a job did, as data: the same report for the command line, scripts and programs.
+
+use glam::DVec3;
+
+use crate::correct::{Correction, Method, Status};
+use crate::health::Health;
+
+/// The report of one job.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct Report {
+    /// Version of the library that made it.
+    pub version: String,
+    /// The model as it was read.
+    pub model: Health,
+    /// What became of its volume. Absent where the model bounds no body, which only jobs with free volume accept.
+    pub volume: Option<VolumeReport>,
+    /// What the correction did.
+    pub correction: CorrectionReport,
+    /// Whether foldings were looked for: "off".
+    pub folds: String,
+    /// How long each stage took, in the order in which they ran.
+    pub timings_ms: Timings,
+    /// What the user should know, one sentence each.
+    pub warnings: Vec<String>,
+}
+
+/// Volumes in the model's unit cubed, caps included, **outward orientation**: positive for inside-out models too.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct VolumeReport {
+    /// Of the whole model.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub overall: VolumeRow,
+    /// Of each component, in the order of its first face; a cavity is negative.
+    pub components: Vec<VolumeRow>,
+}
+
+/// The volume of a body on its way through a job.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct VolumeRow {
+    /// As read.
+    pub rest: f64,
+    /// After the edits.
+    pub posed: f64,
+    /// What was asked of it; none where it is free.
+    pub target: Option<f64>,
+    /// After the correction: f64, in a frame near the model.
+    #[cfg_attr(feature = "serde", serde(rename = "final"))]
+    pub corrected: f64,
+    /// Measured again from the numbers in the output file.
+    pub written: Option<f64>,
+    /// `|final − target| / |target|`.
+    pub relative_error: Option<f64>,
+}
+
+/// What the correction did. Displacements are those of the vertices, model units; relative ones in extents.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct CorrectionReport {
+    /// "gradient", "axes", or "none" where the volume was free.
+    pub method: String,
+    /// How it ended: "exact", "already-met", "rounding-limited", or "not-asked".
+    pub status: String,
+    /// Exact steps taken.
+    pub iterations: usize,
+    /// Farthest that the correction moved a vertex.
+    pub max_displacement: f64,
+    /// The same, in extents.
+    pub max_displacement_relative: f64,
+    /// Root mean square over the vertices.
+    pub rms_displacement: f64,
+    /// The same, in extents.
+    pub rms_displacement_relative: f64,
+}
+
+impl CorrectionReport {
+    /// Of a job with free volume.
+    pub(crate) fn not_asked() -> Self {
+        Self { method: "none".into(), status: "not-asked".into(), ..Self::default() }
+    }
+
+    /// Of a correction of the posed vertices `before` (#vertices × 3).
+    pub(crate) fn of(correction: &Correction, method: &Method, before: &[DVec3], extent: f64) -> Self {
+        let squared = || before.iter().zip(&correction.vertices).map(|(a, b)| a.distance_squared(*b));
+        let max_displacement = squared().fold(0.0, f64::max).sqrt();
+        let rms_displacement = (squared().sum::<f64>() / before.len() as f64).sqrt();
+        let method = match method {
+            Method::Gradient => "gradient",
+            Method::Axes { .. } => "axes",
+        };
+        let status = match correction.status {
+            Status::AlreadyMet => "already-met",
+            Status::Exact => "exact",
+            Status::RoundingLimited => "rounding-limited",
+        };
+        Self {
+            method: method.into(),
+            status: status.into(),
+            iterations: correction.steps,
+            max_displacement,
+            max_displacement_relative: max_displacement / extent,
+            rms_displacement,
+            rms_displacement_relative: rms_displacement / extent,
+        }
+    }
+}
+
+/// Milliseconds by stage, in the order in which stages ended.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Timings(pub Vec<(String, f64)>);
+
+#[cfg(feature = "serde")]
+impl serde::Serialize for Timings {
+    fn serialize<S: serde::Serializer>(&self, serializer: S) -> Result<S::Ok, S::Error> {
+        serializer.collect_map(self.0.iter().map(|(stage, ms)| (stage, ms)))
+    }
+}
+
+/// Times stages that follow one another.
+pub struct Stopwatch {
+    /// Where the platform has no clock (browsers), nothing is recorded.
+    #[cfg(not(target_family = "wasm"))]
+    since: std::time::Instant,
+    timings: Timings,
+}
+
+impl Stopwatch {
+    /// Starts now.
+    #[must_use]
+    pub fn start() -> Self {
+        Self {
+            #[cfg(not(target_family = "wasm"))]
+            since: std::time::Instant::now(),
+            timings: Timings::default(),
+        }
+    }
+
+    /// Ends the stage that began at the start or at the last call.
+    pub fn lap(&mut self, stage: &str) {
+        #[cfg(not(target_family = "wasm"))]
+        {
+            let now = std::time::Instant::now();
+            self.timings.0.push((stage.into(), (now - self.since).as_secs_f64() * 1e3));
+            self.since = now;
+        }
+        #[cfg(target_family = "wasm")]
+        let _ = stage;
+    }
+
+    /// What was recorded.
+    #[must_use]
+    pub fn timings(self) -> Timings {
+        self.timings
+    }
+}
