@@ -18,7 +18,8 @@ pub struct Cli {
     pub output: OutputArgs,
 }
 
-const STYLES: Styles = Styles::styled().header(AnsiColor::Green.on_default().bold()).literal(AnsiColor::Cyan.on_default());
+const STYLES: Styles =
+    Styles::styled().header(AnsiColor::Green.on_default().bold()).literal(AnsiColor::Cyan.on_default());
 
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Output and threads")]
@@ -53,7 +54,9 @@ pub enum Command {
     #[command(after_help = DEFORM_EXAMPLES)]
     Deform(Box<DeformArgs>),
     /// Print completions for a shell.
-    #[command(after_help = "Examples:\n  isochor completions bash > ~/.local/share/bash-completion/completions/isochor")]
+    #[command(
+        after_help = "Examples:\n  isochor completions bash > ~/.local/share/bash-completion/completions/isochor"
+    )]
     Completions {
         /// The shell.
         shell: clap_complete::Shell,
@@ -224,8 +227,11 @@ pub fn parse() -> Cli {
         if error.use_stderr() && std::env::args().any(|arg| arg == "--json") {
             let text = error.to_string();
             let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
-            Terminal::new(&OutputArgs { json: true, quiet: true, threads: None })
-                .failure(&Failure::usage("command line", what, "see isochor --help"));
+            Terminal::new(&OutputArgs { json: true, quiet: true, threads: None }).failure(&Failure::usage(
+                "command line",
+                what,
+                "see isochor --help",
+            ));
         }
         error.exit()
     });

@@ -54,7 +54,8 @@ const STORIES: [Story; 4] = [
 ];
 
 /// What is in the folder afterwards, for whoever opens it.
-const README: &str = "Each story NAME has its model NAME.*, its job NAME.toml, the plain deformation NAME-deformed.*, the one with exact
+const README: &str =
+    "Each story NAME has its model NAME.*, its job NAME.toml, the plain deformation NAME-deformed.*, the one with exact
 volume NAME-corrected.* and its report NAME-report.json. demo.json holds all reports.
 Change a job and run it again: isochor deform --job NAME.toml
 

@@ -9,8 +9,9 @@ use crate::failure::Failure;
 
 /// The text of a file.
 pub fn text(path: &Path) -> Result<String, Failure> {
-    std::fs::read_to_string(path)
-        .map_err(|error| Failure::file(path, format!("cannot be read: {error}"), "check the path; the file must be UTF-8 text"))
+    std::fs::read_to_string(path).map_err(|error| {
+        Failure::file(path, format!("cannot be read: {error}"), "check the path; the file must be UTF-8 text")
+    })
 }
 
 /// The bytes of a file.
@@ -68,7 +69,11 @@ impl Pending {
     pub fn commit(self) -> Result<(), Failure> {
         for (file, target) in self.files {
             file.persist(&target).map_err(|error| {
-                Failure::file(&target, format!("cannot be replaced: {}", error.error), "check the permissions of the folder")
+                Failure::file(
+                    &target,
+                    format!("cannot be replaced: {}", error.error),
+                    "check the permissions of the folder",
+                )
             })?;
         }
         Ok(())

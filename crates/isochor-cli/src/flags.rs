@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use isochor::{
-    Axis, Bend, Edit, Factors, Falloff, LengthUnit, Move, Noise, PerAxis, Rotate, RotationAxis, Scale, Selector, SignedAxis,
-    Stretch, Taper, Twist,
+    Axis, Bend, Edit, Factors, Falloff, LengthUnit, Move, Noise, PerAxis, Rotate, RotationAxis, Scale, Selector,
+    SignedAxis, Stretch, Taper, Twist,
 };
 
 use crate::failure::Failure;
@@ -61,15 +61,16 @@ pub fn edit(flag: &'static str, text: &str) -> Result<Edit, Failure> {
         _ => return toml_edit(text),
     };
     let parsed = match flag {
-        "twist" => axis_and_number(text).map(|(axis, degrees)| Edit::Twist(Twist { axis, degrees, ..Twist::default() })),
+        "twist" => {
+            axis_and_number(text).map(|(axis, degrees)| Edit::Twist(Twist { axis, degrees, ..Twist::default() }))
+        }
         "rotate" => axis_and_number(text).map(|(axis, degrees)| {
             let (axis, center, nodes) = (RotationAxis::Coordinate(axis), None, Selector::All);
             Edit::Rotate(Rotate { axis, degrees, center, nodes })
         }),
         "bend" => bend(text),
-        "taper" => axis_and_number(text).map(|(axis, scale)| {
-            Edit::Taper(Taper { axis, scale, range: None, center: None, nodes: Selector::All })
-        }),
+        "taper" => axis_and_number(text)
+            .map(|(axis, scale)| Edit::Taper(Taper { axis, scale, range: None, center: None, nodes: Selector::All })),
         "stretch" => axis_and_number(text)
             .map(|(axis, scale)| Edit::Stretch(Stretch { axis, scale, center: None, nodes: Selector::All })),
         "scale" => scale(text),

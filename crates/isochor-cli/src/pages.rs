@@ -22,7 +22,11 @@ pub fn man(folder: Option<&Path>) -> Result<(), Failure> {
         });
     };
     let failed = |error: std::io::Error| {
-        Failure::file(folder, format!("manual pages cannot be written: {error}"), "check that the folder may be written to")
+        Failure::file(
+            folder,
+            format!("manual pages cannot be written: {error}"),
+            "check that the folder may be written to",
+        )
     };
     std::fs::create_dir_all(folder).map_err(failed)?;
     clap_mangen::generate_to(command, folder).map_err(failed)

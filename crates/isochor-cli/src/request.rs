@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use isochor::{
-    BasisKind, Directions, Job, KnotRule, Knots, LatticeRequest, MethodKind, OpenBoundaries, Outside, Precision, VolumeTarget,
+    BasisKind, Directions, Job, KnotRule, Knots, LatticeRequest, MethodKind, OpenBoundaries, Outside, Precision,
+    VolumeTarget,
 };
 use isochor_io::Format;
 
@@ -40,7 +41,8 @@ impl Request {
         let missing = |what: &str, hint: &str| Failure::usage("command line", format!("{what} is missing"), hint);
         let model = job.model.clone().ok_or_else(|| missing("the model", "name it: isochor deform MODEL -o OUT"))?;
         let output = if in_place { Some(model.clone()) } else { job.output.clone() };
-        let output = output.ok_or_else(|| missing("the output", "name it with -o FILE, or replace the model with --in-place"))?;
+        let output = output
+            .ok_or_else(|| missing("the output", "name it with -o FILE, or replace the model with --in-place"))?;
         let format = |path: &Path| Format::from_path(path).map_err(|error| Failure::read(path, &error));
         let (report, save_controls) = (job.report.clone(), job.save_controls.clone());
         let lattice_file = job.lattice.as_ref().and_then(|lattice| lattice.file.clone());
@@ -65,7 +67,11 @@ impl Request {
             let Some(path) = path else { continue };
             let extension = path.extension().map(|e| e.to_ascii_lowercase());
             if extension.is_none_or(|e| e != "json") {
-                return Err(Failure::file(path, format!("{what} is written as JSON"), "choose a name that ends in .json"));
+                return Err(Failure::file(
+                    path,
+                    format!("{what} is written as JSON"),
+                    "choose a name that ends in .json",
+                ));
             }
         }
         let mut taken: Vec<(&str, &Path)> = vec![("the model", &self.model)];
@@ -99,7 +105,8 @@ fn job_file(path: &Path) -> Result<Job, Failure> {
     let mut job = parse(&text).map_err(|error| Failure::job_text(path, &error))?;
     let folder = path.parent().unwrap_or(Path::new(""));
     let lattice_file = job.lattice.as_mut().and_then(|lattice| lattice.file.as_mut());
-    let paths = [job.model.as_mut(), job.output.as_mut(), job.report.as_mut(), job.save_controls.as_mut(), lattice_file];
+    let paths =
+        [job.model.as_mut(), job.output.as_mut(), job.report.as_mut(), job.save_controls.as_mut(), lattice_file];
     for path in paths.into_iter().flatten() {
         *path = folder.join(&*path);
     }
@@ -138,7 +145,9 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
             return Err(Failure::usage("--preserve", "\"free\" contradicts --volume", "leave one of them out"));
         }
         Some("free") => preserve.volume = VolumeTarget::Free,
-        Some("gradient") => (preserve.method, preserve.axes, preserve.shares) = (Some(MethodKind::Gradient), None, None),
+        Some("gradient") => {
+            (preserve.method, preserve.axes, preserve.shares) = (Some(MethodKind::Gradient), None, None)
+        }
         Some(letters) => {
             let letters = letters.to_string().try_into().map_err(|error| {
                 Failure::usage("--preserve", format!("{error}"), "write axes such as xy, \"gradient\", or \"free\"")

@@ -104,9 +104,10 @@ fn written(
         _ if request.output_format == isochor_io::Format::Stl && precision == Precision::File => NumberType::F32,
         _ => NumberType::F64,
     };
-    let mesh = document.mesh().with_points(points.to_vec()).map_err(|error| {
-        Failure::write(&request.output, &isochor_io::WriteError::Document(error.to_string()))
-    })?;
+    let mesh = document
+        .mesh()
+        .with_points(points.to_vec())
+        .map_err(|error| Failure::write(&request.output, &isochor_io::WriteError::Document(error.to_string())))?;
     let new = Document::from_mesh(&mesh, request.output_format, number).map_err(failed)?;
     let note = format!(
         "Only points and faces were converted from {} to {}; whatever else the file holds stayed behind.",

@@ -71,8 +71,17 @@ impl Terminal {
         println!("{}: {}", path.display(), health.verdict.sentence());
         let rows = [
             ("format", health.format.clone()),
-            ("vertices", format!("{} ({} unused, {} coincident)", health.vertices, health.unused_vertices, health.coincident_vertices)),
-            ("faces", format!("{} ({} triangles, {} without area)", health.faces, health.triangles, health.zero_area_faces)),
+            (
+                "vertices",
+                format!(
+                    "{} ({} unused, {} coincident)",
+                    health.vertices, health.unused_vertices, health.coincident_vertices
+                ),
+            ),
+            (
+                "faces",
+                format!("{} ({} triangles, {} without area)", health.faces, health.triangles, health.zero_area_faces),
+            ),
             ("components", health.components.to_string()),
             ("boundary", format!("{} edges in {} loops", health.boundary_edges, health.boundary_loops)),
             ("closed", format!("{} ({} edges with more than two faces)", yes(health.closed), health.nonmanifold_edges)),
@@ -117,7 +126,8 @@ pub fn volume_lines(report: &Report) -> Vec<String> {
     let Some(volume) = &report.volume else { return vec!["volume: the model bounds no body".into()] };
     let row = volume.overall;
     let change = |volume: f64| format!("{volume:.12e} ({:+.3} %)", 100.0 * (volume / row.rest - 1.0));
-    let mut lines = vec![format!("volume at rest   {:.12e}", row.rest), format!("       posed     {}", change(row.posed))];
+    let mut lines =
+        vec![format!("volume at rest   {:.12e}", row.rest), format!("       posed     {}", change(row.posed))];
     if let (Some(target), Some(error)) = (row.target, row.relative_error) {
         lines.push(format!("       target    {}", change(target)));
         lines.push(format!("       final     {}, relative error {error:.1e}", change(row.corrected)));

@@ -149,7 +149,10 @@ pub fn lattice_to_json(posed: &PosedLattice) -> String {
         frame: FrameEntry { origin: lattice.frame().origin, axes: lattice.frame().axes },
         rest: Some(nested(&posed.rest, size)),
         posed: Some(nested(&posed.posed, size)),
-        mobility: posed.mobility.as_ref().map(|all| nested(&all.iter().map(|m| Mobility::Each(*m)).collect::<Vec<_>>(), size)),
+        mobility: posed
+            .mobility
+            .as_ref()
+            .map(|all| nested(&all.iter().map(|m| Mobility::Each(*m)).collect::<Vec<_>>(), size)),
     };
     serde_json::to_string(&file).expect("finite numbers and fixed keys make JSON") + "\n"
 }
@@ -158,9 +161,7 @@ pub fn lattice_to_json(posed: &PosedLattice) -> String {
 fn flat<T>(key: &str, nested: Nested<T>, [nu, nv, nw]: [usize; 3]) -> Result<Vec<T>, LatticeFileError> {
     let expect = |place: String, found: usize, expected: usize| match found == expected {
         true => Ok(()),
-        false => {
-            Err(LatticeFileError::new(format!("{key}{place} has {found} entries: the knots make it {expected}")))
-        }
+        false => Err(LatticeFileError::new(format!("{key}{place} has {found} entries: the knots make it {expected}"))),
     };
     expect(String::new(), nested.len(), nu)?;
     let mut all = Vec::with_capacity(nu * nv * nw);
@@ -184,7 +185,8 @@ mod tests {
 
     fn lattice() -> PosedLattice {
         let bases = [Basis::clamped(5, 2).unwrap(), Basis::uniform(4, 3).unwrap(), Basis::bernstein(3).unwrap()];
-        let frame = Frame { origin: DVec3::new(0.1, -2.0, 1e6), axes: [DVec3::X, DVec3::new(0.3, 2.0, 0.0), DVec3::Z / 3.0] };
+        let frame =
+            Frame { origin: DVec3::new(0.1, -2.0, 1e6), axes: [DVec3::X, DVec3::new(0.3, 2.0, 0.0), DVec3::Z / 3.0] };
         let lattice = Lattice::new(bases, frame).unwrap();
         let rest = lattice.rest();
         let posed = rest.iter().map(|p| *p * 1.1 + DVec3::splat(1.0 / 3.0)).collect();
@@ -221,7 +223,9 @@ mod tests {
         assert!(error(&format!("{{{head},{flat}}}")).contains("flat"));
         let spline = head.replace("bernstein", "bspline");
         assert!(error(&format!("{{{spline},{FRAME}}}")).contains("knots are missing"));
-        assert!(error(&format!("{{{},{FRAME}}}", head.replace("\"version\":1", "\"version\":2"))).contains("version is 2"));
+        assert!(
+            error(&format!("{{{},{FRAME}}}", head.replace("\"version\":1", "\"version\":2"))).contains("version is 2")
+        );
         assert_eq!(lattice_from_json("{\n\"kind\": 3}").unwrap_err().line, Some(2));
         let mobility = "[[[1,1],[1,-1]],[[1,1],[1,[1,0,0.5]]]]";
         assert!(error(&format!("{{{head},{FRAME},\"mobility\":{mobility}}}")).contains("mobility[0][1][1]"));

@@ -456,7 +456,8 @@ impl<'a> NormalCarrier<'a> {
         }
         let sum: DVec3 = self.distinct.iter().filter_map(each).sum();
         let mean = direction(sum);
-        if mean.is_none_or(|mean| self.distinct.iter().filter_map(each).any(|d| d.dot(mean) < SAME_NORMAL)) {
+        let is_off = |d: DVec3| mean.is_none_or(|mean| d.dot(mean) < SAME_NORMAL);
+        if self.distinct.iter().filter_map(each).any(is_off) {
             self.shared += 1;
         }
         mean

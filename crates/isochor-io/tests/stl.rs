@@ -85,12 +85,9 @@ fn a_moved_vertex_moves_all_its_corners_and_normals() {
 
 #[test]
 fn zero_normals_stay_zero_and_nan_normals_are_recomputed() {
-    for (stored, want) in [("0 0 0", "0 0 0"), ("nan 0 -1", "0 0 -1"), ("0 -nan 0", "0 -nan 0")] {
+    for (stored, want) in [("0 0 0", "0 0 0"), ("nan 0 -1", "0 0 -1"), ("-1.#IND -nan x", "0 0 -1")] {
         let text = text().replace("0e0 0e0 -1e0", stored);
-        let Ok(document) = Document::parse(text.clone().into_bytes(), Format::Stl) else {
-            assert!(stored.contains("-nan"), "only a word that is no number is refused");
-            continue;
-        };
+        let document = read(text.as_bytes());
         let same = document.with_points(document.mesh().points(), &WriteOptions::default()).unwrap();
         assert_eq!(same.bytes, text.as_bytes());
         let mut points = document.mesh().points().to_vec();
@@ -161,7 +158,7 @@ fn texts_that_are_read() {
     let text = text();
     for (odd, facets) in [
         (text.replace("endsolid te \\tra\n", ""), 4),
-        (text.replace("solid te", "  SOLID te").replace("facet", "FaceT").replace("vertex", "VERTEX"), 4),
+        (text.replacen("solid te", "  SOLID te", 1).replace("facet", "FaceT").replace("vertex", "VERTEX"), 4),
         (format!("{text}{text}"), 8),
         (text.replace('\n', "\r"), 4),
         (format!("\u{feff}{text}"), 4),

@@ -42,7 +42,9 @@ pub enum BasisError {
         value: f64,
     },
     /// An interior knot repeated so often that the deformation would tear.
-    #[error("knot {value} is repeated {count} times inside the domain: for degree {degree} at most {degree} keep it continuous")]
+    #[error(
+        "knot {value} is repeated {count} times inside the domain: for degree {degree} at most {degree} keep it continuous"
+    )]
     Discontinuous {
         /// The repeated knot.
         value: f64,

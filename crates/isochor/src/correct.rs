@@ -330,11 +330,7 @@ impl Problem<'_> {
 
     /// Measures `state` and takes away what rounding left of the deficit by small steps of the same kind: `step(state,
     /// deficit)`, `None` where no such step exists any more. Keeps the best.
-    pub(crate) fn finished(
-        &self,
-        mut state: State,
-        step: impl Fn(&State, f64) -> Option<Step>,
-    ) -> State {
+    pub(crate) fn finished(&self, mut state: State, step: impl Fn(&State, f64) -> Option<Step>) -> State {
         /// More: nothing left to gain after two or three; fewer: thin models end further off than they need.
         const ROUNDS: usize = 4;
         state.volume = self.solid.volume(&state.vertices);

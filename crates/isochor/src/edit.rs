@@ -21,6 +21,9 @@ use glam::DVec3;
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 
+#[cfg(feature = "serde")]
+use crate::exact;
+use crate::posed::{Posed, PosedError};
 use crate::select::{ControlSpace, SelectError, Selector};
 
 /// One edit of the control points.
@@ -97,7 +100,7 @@ pub enum RotationAxis {
     /// A coordinate axis.
     Coordinate(Axis),
     /// Any vector but 0, of any length.
-    Vector(DVec3),
+    Vector(#[cfg_attr(feature = "serde", serde(deserialize_with = "exact::vector"))] DVec3),
 }
 
 /// Factors of a scaling.
@@ -111,7 +114,7 @@ pub enum Factors {
     /// The same along all axes.
     Uniform(f64),
     /// One for each of x, y, z.
-    PerAxis(DVec3),
+    PerAxis(#[cfg_attr(feature = "serde", serde(deserialize_with = "exact::vector"))] DVec3),
 }
 
 /// The unit in which a length is given.
@@ -133,10 +136,10 @@ pub struct Twist {
     /// The angle at s = 1, by the right-hand rule.
     pub degrees: f64,
     /// Where s is 0 and where it is 1, in fractions of the box along the axis; `None`: 0 and 1.
-    #[cfg_attr(feature = "serde", serde(default))]
+    #[cfg_attr(feature = "serde", serde(default, deserialize_with = "exact::optional_array"))]
     pub range: Option<[f64; 2]>,
     /// A point of the line, in model coordinates; `None`: the middle of the box.
-    #[cfg_attr(feature = "serde", serde(default))]
+    #[cfg_attr(feature = "serde", serde(default, deserialize_with = "exact::optional_vector"))]
     pub center: Option<DVec3>,
     /// The control points it moves.
     #[cfg_attr(feature = "serde", serde(default))]
@@ -156,10 +159,10 @@ pub struct Bend {
     pub towards: Option<SignedAxis>,
     /// Where s is 0 and where it is 1, in fractions of the box along the axis; `None`: 0 and 1. The point of the line at
     /// s = 0 stays where it is.
-    #[cfg_attr(feature = "serde", serde(default))]
+    #[cfg_attr(feature = "serde", serde(default, deserialize_with = "exact::optional_array"))]
     pub range: Option<[f64; 2]>,
     /// A point of the line, in model coordinates; `None`: the middle of the box.
-    #[cfg_attr(feature = "serde", serde(default))]
+    #[cfg_attr(feature = "serde", serde(default, deserialize_with = "exact::optional_vector"))]
     pub center: Option<DVec3>,
     /// The control points it moves.
     #[cfg_attr(feature = "serde", serde(default))]
@@ -175,10 +178,10 @@ pub struct Taper {
     /// The factor at s = 1.
     pub scale: f64,
     /// Where s is 0 and where it is 1, in fractions of the box along the axis; `None`: 0 and 1.
-    #[cfg_attr(feature = "serde", serde(default))]
+    #[cfg_attr(feature = "serde", serde(default, deserialize_with = "exact::optional_array"))]
     pub range: Option<[f64; 2]>,
     /// A point of the line, in model coordinates; `None`: the middle of the box.
-    #[cfg_attr(feature = "serde", serde(default))]
+    #[cfg_attr(feature = "serde", serde(default, deserialize_with = "exact::optional_vector"))]
     pub center: Option<DVec3>,
     /// The control points it moves.
     #[cfg_attr(feature = "serde", serde(default))]
@@ -194,7 +197,7 @@ pub struct Stretch {
     /// The factor.
     pub scale: f64,
     /// A point of the plane, in model coordinates; `None`: the middle of the box.
-    #[cfg_attr(feature = "serde", serde(default))]
+    #[cfg_attr(feature = "serde", serde(default, deserialize_with = "exact::optional_vector"))]
     pub center: Option<DVec3>,
     /// The control points it moves.
     #[cfg_attr(feature = "serde", serde(default))]
@@ -206,6 +209,7 @@ pub struct Stretch {
 #[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct Move {
     /// By what, in `unit`.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "exact::vector"))]
     pub by: DVec3,
     /// The unit of `by`; the model's by default.
     #[cfg_attr(feature = "serde", serde(default = "model_unit"))]
@@ -224,7 +228,7 @@ pub struct Rotate {
     /// The angle, by the right-hand rule.
     pub degrees: f64,
     /// A point of the line, in model coordinates; `None`: the middle of the box.
-    #[cfg_attr(feature = "serde", serde(default))]
+    #[cfg_attr(feature = "serde", serde(default, deserialize_with = "exact::optional_vector"))]
     pub center: Option<DVec3>,
     /// The control points it moves.
     #[cfg_attr(feature = "serde", serde(default))]
@@ -238,7 +242,7 @@ pub struct Scale {
     /// The factors.
     pub by: Factors,
     /// The point that stays, in model coordinates; `None`: the middle of the box.
-    #[cfg_attr(feature = "serde", serde(default))]
+    #[cfg_attr(feature = "serde", serde(default, deserialize_with = "exact::optional_vector"))]
     pub center: Option<DVec3>,
     /// The control points it moves.
     #[cfg_attr(feature = "serde", serde(default))]
@@ -265,40 +269,6 @@ pub struct Noise {
     /// The control points it moves.
     #[cfg_attr(feature = "serde", serde(default))]
     pub nodes: Selector,
-}
-
-/// Given positions, in place of what earlier edits did.
-#[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Serialize, serde::Deserialize),
-    serde(try_from = "posed_form::Table", into = "posed_form::Table")
-)]
-pub struct Posed {
-    /// The positions.
-    pub to: PosedTo,
-    /// The control points it moves, among those that have a position.
-    pub nodes: Selector,
-}
-
-/// Positions of control points in model coordinates. A coordinate that equals the one at rest (in model coordinates) stands
-/// for it bit for bit, however far from the origin the model is.
-#[derive(Clone, Debug, PartialEq)]
-pub enum PosedTo {
-    /// Of single control points, each at most once; the others stay where they are.
-    Points(Vec<PosedPoint>),
-    /// Of all control points: `[i][j][k]`, as many as the lattice has along u, v, w.
-    Lattice(Vec<Vec<Vec<DVec3>>>),
-}
-
-/// Position of one control point.
-#[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
-pub struct PosedPoint {
-    /// The control point (i, j, k), 0-based.
-    pub node: [usize; 3],
-    /// Where it goes, in model coordinates.
-    pub to: DVec3,
 }
 
 /// Why an edit cannot be done.
@@ -343,34 +313,9 @@ pub enum EditError {
     /// An axis of rotation without direction.
     #[error("rotate: the axis [0, 0, 0] has no direction")]
     NoDirection,
-    /// A control point that does not exist.
-    #[error("posed: points[{point}]: {source}")]
-    PosedNode {
-        /// Index in `points`.
-        point: usize,
-        /// What is wrong with it.
-        source: SelectError,
-    },
-    /// A control point with two positions.
-    #[error("posed: points[{point}] is node [{}, {}, {}], which an earlier point has posed already", .node[0], .node[1], .node[2])]
-    PosedTwice {
-        /// Index in `points`.
-        point: usize,
-        /// The control point.
-        node: [usize; 3],
-    },
-    /// Positions for a lattice of another size.
-    #[error("posed: {place} has {found} entries: {expected} are needed for a lattice of {} × {} × {} control points", .size[0], .size[1], .size[2])]
-    PosedSize {
-        /// `lattice`, `lattice[i]` or `lattice[i][j]`.
-        place: String,
-        /// How many entries it has.
-        found: usize,
-        /// How many it should have.
-        expected: usize,
-        /// Control points along u, v, w.
-        size: [usize; 3],
-    },
+    /// Positions that do not fit the lattice.
+    #[error("posed: {0}")]
+    Posed(#[from] PosedError),
     /// Finite numbers whose result is not.
     #[error("{edit}: control point [{}, {}, {}] would move out of the range of numbers", .node[0], .node[1], .node[2])]
     Overflow {
@@ -531,7 +476,10 @@ impl Edit {
             Self::Rotate(rotate) => rotate.law(space),
             Self::Scale(scale) => scale.law(space),
             Self::Noise(noise) => noise.law(space),
-            Self::Posed(posed) => posed.law(space),
+            Self::Posed(posed) => {
+                let targets = posed.targets(space)?;
+                Ok(Box::new(move |c: usize, p| targets[c].unwrap_or(p)) as Law)
+            }
         }?;
         let weights = self.nodes().weights(space).map_err(|source| EditError::Nodes { edit, source })?;
         let blended = |(c, (&p, &weight)): (usize, (&DVec3, &f64))| match weight {
@@ -541,15 +489,14 @@ impl Edit {
         };
         let moved: Vec<DVec3> = controls.iter().zip(&weights).enumerate().map(blended).collect();
         if let Some(c) = moved.iter().position(|p| !p.is_finite()) {
-            let [_, nv, nw] = space.size;
-            return Err(EditError::Overflow { edit, node: [c / (nv * nw), c / nw % nv, c % nw] });
+            return Err(EditError::Overflow { edit, node: space.node(c) });
         }
         controls.copy_from_slice(&moved);
         Ok(())
     }
 }
 
-// All laws but the last have the form p + displacement, with a displacement that is exactly 0 where nothing should move.
+// All laws have the form p + displacement, with a displacement that is exactly 0 where nothing should move.
 
 impl Twist {
     fn law(&self, space: &ControlSpace) -> Result<Law<'_>, EditError> {
@@ -668,46 +615,6 @@ impl Noise {
     }
 }
 
-impl Posed {
-    fn law(&self, space: &ControlSpace) -> Result<Law<'_>, EditError> {
-        let mut targets = vec![None; space.rest.len()];
-        match &self.to {
-            PosedTo::Points(points) => {
-                for (point, &PosedPoint { node, to }) in points.iter().enumerate() {
-                    check_finite("posed", "to", &to.to_array())?;
-                    let c = space.index(node).map_err(|source| EditError::PosedNode { point, source })?;
-                    if targets[c].replace(to).is_some() {
-                        return Err(EditError::PosedTwice { point, node });
-                    }
-                }
-            }
-            PosedTo::Lattice(lattice) => {
-                let size = space.size;
-                let check_size = |place: &dyn Fn() -> String, found: usize, expected: usize| match found == expected {
-                    true => Ok(()),
-                    false => Err(EditError::PosedSize { place: place(), found, expected, size }),
-                };
-                check_size(&|| "lattice".to_owned(), lattice.len(), size[0])?;
-                for (i, slice) in lattice.iter().enumerate() {
-                    check_size(&|| format!("lattice[{i}]"), slice.len(), size[1])?;
-                    for (j, row) in slice.iter().enumerate() {
-                        check_size(&|| format!("lattice[{i}][{j}]"), row.len(), size[2])?;
-                    }
-                }
-                for (target, to) in targets.iter_mut().zip(lattice.iter().flatten().flatten()) {
-                    check_finite("posed", "lattice", &to.to_array())?;
-                    *target = Some(*to);
-                }
-            }
-        }
-        let (rest, origin) = (space.rest.to_vec(), space.origin);
-        Ok(Box::new(move |c, p| match targets[c] {
-            None => p,
-            Some(to) => DVec3::select(to.cmpeq(rest[c] + origin), rest[c], to - origin),
-        }))
-    }
-}
-
 /// The linear function of position that is 0 and 1 at the ends of a range.
 #[derive(Clone, Copy)]
 struct Along {
@@ -780,46 +687,4 @@ fn model_unit() -> LengthUnit {
 #[cfg(feature = "serde")]
 fn extent_unit() -> LengthUnit {
     LengthUnit::Extent
-}
-
-/// How given positions stand in a job file.
-#[cfg(feature = "serde")]
-mod posed_form {
-    use glam::DVec3;
-
-    use super::{Posed, PosedPoint, PosedTo};
-    use crate::select::Selector;
-
-    #[derive(serde::Serialize, serde::Deserialize)]
-    #[serde(deny_unknown_fields)]
-    pub struct Table {
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        points: Option<Vec<PosedPoint>>,
-        #[serde(default, skip_serializing_if = "Option::is_none")]
-        lattice: Option<Vec<Vec<Vec<DVec3>>>>,
-        #[serde(default)]
-        nodes: Selector,
-    }
-
-    impl TryFrom<Table> for Posed {
-        type Error = &'static str;
-
-        fn try_from(Table { points, lattice, nodes }: Table) -> Result<Self, &'static str> {
-            match (points, lattice) {
-                (Some(points), None) => Ok(Self { to: PosedTo::Points(points), nodes }),
-                (None, Some(lattice)) => Ok(Self { to: PosedTo::Lattice(lattice), nodes }),
-                (None, None) => Err("posed has neither `points` nor `lattice`: it needs one of them"),
-                (Some(_), Some(_)) => Err("posed has both `points` and `lattice`: it must have only one of them"),
-            }
-        }
-    }
-
-    impl From<Posed> for Table {
-        fn from(Posed { to, nodes }: Posed) -> Self {
-            match to {
-                PosedTo::Points(points) => Self { points: Some(points), lattice: None, nodes },
-                PosedTo::Lattice(lattice) => Self { points: None, lattice: Some(lattice), nodes },
-            }
-        }
-    }
 }

@@ -17,9 +17,9 @@ pub(crate) fn corrected(problem: &Problem, state: State) -> Result<State, Correc
     let line = Line::at(problem, &state).ok_or_else(|| problem.impossible(Reason::Dead))?;
     let deficit = problem.target - problem.volume_before;
     let cubic = line.cubic(problem, &state);
-    let t = cubic.first_root(deficit).map_err(|reach| {
-        problem.impossible(Reason::Turns { limit: problem.volume_before + reach })
-    })?;
+    let t = cubic
+        .first_root(deficit)
+        .map_err(|reach| problem.impossible(Reason::Turns { limit: problem.volume_before + reach }))?;
     let state = state.after(&line.step(t));
     Ok(problem.finished(state, |state, deficit| {
         let line = Line::at(problem, state)?;

@@ -197,7 +197,8 @@ fn judged(mesh: &Mesh, topology: &Topology, solid: &Solid) -> (Verdict, Option<V
         warnings.push("The model encloses no volume.".into());
         verdict = Verdict::NoVolume;
     } else if volumes.total < 0.0 {
-        warnings.push("The model is inside out: faces are wound inwards. Targets refer to the outward orientation.".into());
+        warnings
+            .push("The model is inside out: faces are wound inwards. Targets refer to the outward orientation.".into());
         if verdict == Verdict::Ok {
             verdict = Verdict::InsideOut;
         }

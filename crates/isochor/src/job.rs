@@ -66,8 +66,10 @@ pub struct LatticeRequest {
     /// Grows a fitted box by this fraction of its extent on every side.
     pub margin: Option<f64>,
     /// Corner of an explicit frame, model coordinates.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::exact::optional_vector"))]
     pub origin: Option<DVec3>,
     /// Whole edge vectors of an explicit frame, one per row.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::exact::optional_vectors"))]
     pub axes: Option<[DVec3; 3]>,
     /// What happens to vertices outside.
     pub outside: Outside,
@@ -247,7 +249,11 @@ impl TryFrom<String> for AxisLetters {
         let known = text.chars().all(|c| "xyz".contains(c));
         let once = text.chars().all(|c| text.matches(c).count() == 1);
         if text.is_empty() || !known || !once {
-            return Err(ValueError { what: "axes", value: text, expected: "letters x, y, z, each at most once, such as \"xy\"" });
+            return Err(ValueError {
+                what: "axes",
+                value: text,
+                expected: "letters x, y, z, each at most once, such as \"xy\"",
+            });
         }
         Ok(Self(text))
     }
@@ -329,7 +335,11 @@ impl Amount {
         if value.is_finite() && value > 0.0 {
             return Ok(self);
         }
-        Err(ValueError { what: "a volume", value: text(), expected: "more than 0: a number or a percentage such as \"120%\"" })
+        Err(ValueError {
+            what: "a volume",
+            value: text(),
+            expected: "more than 0: a number or a percentage such as \"120%\"",
+        })
     }
 }
 
@@ -370,7 +380,11 @@ impl VolumeTarget {
     fn range(min: Option<Amount>, max: Option<Amount>) -> Result<Self, ValueError> {
         if min.is_none() && max.is_none() {
             let value = "{}".into();
-            return Err(ValueError { what: "a range of volumes", value, expected: "{ min, max }, at least one of them" });
+            return Err(ValueError {
+                what: "a range of volumes",
+                value,
+                expected: "{ min, max }, at least one of them",
+            });
         }
         Ok(Self::Range { min, max })
     }

@@ -98,6 +98,20 @@ mod tests {
     }
 
     #[test]
+    fn lists_that_are_too_long_or_too_short_are_refused() {
+        for bad in [
+            "origin = [0, 0, 0, 9]",
+            "origin = [0, 0]",
+            "axes = [[1, 0, 0], [0, 1, 0], [0, 0, 1, 5]]",
+            "axes = [[1, 0, 0], [0, 1, 0]]",
+            "size = [4, 4, 4, 4]",
+        ] {
+            assert!(Job::from_toml(&format!("[lattice]\n{bad}")).is_err(), "{bad}");
+        }
+        assert!(Job::from_toml("[lattice]\norigin = [0, 0, 1]\naxes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]").is_ok());
+    }
+
+    #[test]
     fn an_empty_job_preserves_the_volume() {
         let job = Job::from_toml("").unwrap();
         assert_eq!(job, Job::default());

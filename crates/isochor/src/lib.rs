@@ -6,6 +6,8 @@ mod bspline;
 mod correct;
 mod double;
 mod edit;
+#[cfg(feature = "serde")]
+mod exact;
 mod gradient;
 mod health;
 mod job;
@@ -15,6 +17,7 @@ mod lattice;
 mod mesh;
 mod outcome;
 mod parallel;
+mod posed;
 mod report;
 mod select;
 pub mod shapes;
@@ -26,8 +29,8 @@ pub use binding::{Binding, displaced};
 pub use bspline::{Basis, BasisError, MAX_SIZE};
 pub use correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, correct};
 pub use edit::{
-    Axis, Bend, Edit, EditError, Factors, LengthUnit, Move, Noise, Posed, PosedPoint, PosedTo, Rotate, RotationAxis, Scale,
-    SignedAxis, Stretch, Taper, Twist,
+    Axis, Bend, Edit, EditError, Factors, LengthUnit, Move, Noise, Rotate, RotationAxis, Scale, SignedAxis, Stretch,
+    Taper, Twist,
 };
 pub use health::{Health, HealthVolume, Source, Verdict};
 pub use job::{
@@ -39,6 +42,7 @@ pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{JobError, JobInput, Outcome, PosedLattice, Stage};
+pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use report::{CorrectionReport, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
 pub use select::{ControlSpace, SelectError, Selector};
 pub use topology::{Topology, UnbalancedEdge, topology};

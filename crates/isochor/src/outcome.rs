@@ -11,7 +11,8 @@ use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Status, correct
 use crate::edit::EditError;
 use crate::health::{Health, Source};
 use crate::job::{
-    AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, Knots, LatticeRequest, MethodKind, Preserve, VolumeTarget,
+    AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, Knots, LatticeRequest, MethodKind, Preserve,
+    VolumeTarget,
 };
 use crate::lattice::{Frame, Lattice, LatticeError, Outside};
 use crate::mesh::{Bounds, Mesh};
@@ -511,7 +512,8 @@ impl Controls {
         origin: DVec3,
         warnings: &mut Vec<String>,
     ) -> Result<Self, JobError> {
-        let LatticeRequest { basis, degree, knots, size, fit, margin, origin: corner, axes, file: _, outside: _ } = request;
+        let LatticeRequest { basis, degree, knots, size, fit, margin, origin: corner, axes, file: _, outside: _ } =
+            request;
         let given = [
             ("lattice.basis", basis.is_some()),
             ("lattice.degree", degree.is_some()),
@@ -554,7 +556,9 @@ impl Controls {
         let bases = bases(request, warnings)?;
         let frame = match (request.origin, request.axes) {
             (Some(corner), Some(axes)) => {
-                for (key, given) in [("lattice.fit", request.fit.is_some()), ("lattice.margin", request.margin.is_some())] {
+                for (key, given) in
+                    [("lattice.fit", request.fit.is_some()), ("lattice.margin", request.margin.is_some())]
+                {
                     if given {
                         let problem = "cannot be combined with an explicit origin and axes".into();
                         return Err(JobError::Value { key, problem });
@@ -608,7 +612,8 @@ fn bases(request: &LatticeRequest, warnings: &mut Vec<String>) -> Result<[Basis;
     const DEGREE: usize = 3;
     let is_bernstein = request.basis == Some(BasisKind::Bernstein);
     if is_bernstein && (request.degree.is_some() || request.knots.is_some()) {
-        warnings.push("Degree and knots belong to B-splines; a Bernstein basis has degree size − 1 and needs none.".into());
+        warnings
+            .push("Degree and knots belong to B-splines; a Bernstein basis has degree size − 1 and needs none.".into());
     }
     let explicit = match &request.knots {
         Some(Knots::Explicit(vectors)) if !is_bernstein => Some(vectors),

@@ -60,6 +60,13 @@ impl ControlSpace<'_> {
         Ok((node[0] * self.size[1] + node[1]) * self.size[2] + node[2])
     }
 
+    /// The (i, j, k) of a flat index.
+    #[must_use]
+    pub fn node(&self, index: usize) -> [usize; 3] {
+        let [_, nv, nw] = self.size;
+        [index / (nv * nw), index / nw % nv, index % nw]
+    }
+
     fn check_index(&self, axis: usize, index: usize) -> Result<(), SelectError> {
         let size = self.size[axis];
         if index < size { Ok(()) } else { Err(SelectError::Index { axis: INDEX_NAMES[axis], index, size }) }
@@ -219,9 +226,8 @@ fn index_weights(indices: &[Option<Vec<usize>>; 3], controls: &ControlSpace) -> 
             picked[axis][index] = true;
         }
     }
-    let [_, nv, nw] = controls.size;
-    let weight = |c: usize| picked[0][c / (nv * nw)] && picked[1][c / nw % nv] && picked[2][c % nw];
-    Ok((0..controls.rest.len()).map(|c| if weight(c) { 1.0 } else { 0.0 }).collect())
+    let is_picked = |[i, j, k]: [usize; 3]| picked[0][i] && picked[1][j] && picked[2][k];
+    Ok((0..controls.rest.len()).map(|c| if is_picked(controls.node(c)) { 1.0 } else { 0.0 }).collect())
 }
 
 fn check_finite(key: &'static str, values: &[f64]) -> Result<(), SelectError> {
@@ -294,6 +300,7 @@ mod form {
     use serde::{Deserialize, Deserializer, Serialize};
 
     use super::{SelectError, Selector};
+    use crate::exact::{self, Exact};
 
     #[derive(Serialize)]
     #[serde(untagged)]
@@ -311,9 +318,9 @@ mod form {
         j: Option<Indices>,
         #[serde(skip_serializing_if = "Option::is_none")]
         k: Option<Indices>,
-        #[serde(skip_serializing_if = "Option::is_none")]
+        #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "list")]
         list: Option<Vec<[usize; 3]>>,
-        #[serde(skip_serializing_if = "Option::is_none")]
+        #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "corners")]
         r#box: Option<[DVec3; 2]>,
         #[serde(skip_serializing_if = "Option::is_none")]
         sphere: Option<Sphere>,
@@ -322,10 +329,21 @@ mod form {
     #[derive(Serialize, Deserialize)]
     #[serde(deny_unknown_fields)]
     struct Sphere {
+        #[serde(deserialize_with = "exact::vector")]
         center: DVec3,
         radius: f64,
         #[serde(default)]
         falloff: f64,
+    }
+
+    fn list<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Vec<[usize; 3]>>, D::Error> {
+        let nodes = Option::<Vec<Exact<_, 3>>>::deserialize(from)?;
+        Ok(nodes.map(|nodes| nodes.into_iter().map(|Exact(node)| node).collect()))
+    }
+
+    fn corners<'de, D: Deserializer<'de>>(from: D) -> Result<Option<[DVec3; 2]>, D::Error> {
+        let corners: Option<[Exact<f64, 3>; 2]> = exact::optional_array(from)?;
+        Ok(corners.map(|corners| corners.map(DVec3::from)))
     }
 
     /// One index or a list of them.

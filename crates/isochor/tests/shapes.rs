@@ -1,0 +1,137 @@
+//! The built-in solids have the volume and the topology that their documentation says.
+
+use std::f64::consts::{PI, TAU};
+
+use glam::DVec3;
+use isochor::shapes::{bottle, cube, cylinder, hollow_sphere, icosphere, plate, uv_torus};
+use isochor::{Mesh, OpenBoundaries, Solid, topology};
+
+/// Relative error of volumes: coordinates are rounded once or twice.
+const ROUNDING: f64 = 1e-13;
+
+/// The volume of a closed, balanced, oriented mesh without doubled or unused vertices.
+fn checked_volume(mesh: &Mesh, vertices: usize, faces: usize, components: usize, genus: i64) -> f64 {
+    assert_eq!((mesh.points().len(), mesh.faces().len()), (vertices, faces));
+    let topology = topology(mesh);
+    assert!(topology.is_closed() && topology.is_oriented() && topology.is_balanced());
+    assert_eq!((topology.coincident_vertices, topology.unused_vertices, topology.collapsed_faces), (0, 0, 0));
+    assert_eq!((topology.components, topology.genus(), topology.nonmanifold_vertices), (components, Some(genus), 0));
+    Solid::new(mesh, &topology, OpenBoundaries::Refuse).unwrap().volume(mesh.points())
+}
+
+fn assert_volume(volume: f64, expected: f64) {
+    assert!((volume / expected - 1.0).abs() < ROUNDING, "{volume} instead of {expected}");
+}
+
+/// Area of a regular polygon of n corners at distance 1 from its centre.
+fn polygon_area(n: usize) -> f64 {
+    n as f64 / 2.0 * (TAU / n as f64).sin()
+}
+
+#[test]
+fn cubes_have_volume_1() {
+    for n in [1, 2, 3, 7, 10] {
+        assert_volume(checked_volume(&cube(n), 6 * n * n + 2, 6 * n * n, 1, 0), 1.0);
+    }
+    let bounds = cube(3).bounds().unwrap();
+    assert_eq!((bounds.min, bounds.max), (DVec3::ZERO, DVec3::ONE));
+}
+
+#[test]
+fn plates_have_the_volume_of_their_box() {
+    let size = DVec3::new(2.0, 3.0, 0.01);
+    let [a, b] = [8, 5];
+    let plate = plate(size, [a, b]);
+    assert_volume(checked_volume(&plate, 2 * (a + 1) * (b + 1), 2 * (a * b + a + b), 1, 0), 2.0 * 3.0 * 0.01);
+    assert_eq!(plate.bounds().unwrap().size(), size);
+}
+
+#[test]
+fn icospheres_approach_the_sphere() {
+    let edge = 4.0 / (10.0 + 2.0 * 5.0_f64.sqrt()).sqrt();
+    let icosahedron = 5.0 * (3.0 + 5.0_f64.sqrt()) / 12.0 * edge.powi(3);
+    assert_volume(checked_volume(&icosphere(0), 12, 20, 1, 0), icosahedron);
+    let mut missing = 4.0 / 3.0 * PI - icosahedron;
+    for level in 1..=5 {
+        let four = 4_usize.pow(level as u32);
+        let mesh = icosphere(level);
+        assert!(mesh.points().iter().all(|p| (p.length() - 1.0).abs() < 1e-15));
+        let volume = checked_volume(&mesh, 10 * four + 2, 20 * four, 1, 0);
+        // Second order: each level leaves a quarter, the more exactly the finer the mesh is.
+        let ratio = (4.0 / 3.0 * PI - volume) / missing;
+        assert!((ratio - 0.25).abs() < 0.1 / 3.0_f64.powi(level as i32 - 1), "level {level}: {ratio}");
+        missing *= ratio;
+    }
+}
+
+#[test]
+fn hollow_spheres_are_spheres_with_a_cavity() {
+    for (level, inner) in [(0, 0.5), (2, 0.9), (3, 0.1)] {
+        let four = 4_usize.pow(level as u32);
+        let outer = checked_volume(&icosphere(level), 10 * four + 2, 20 * four, 1, 0);
+        let volume = checked_volume(&hollow_sphere(level, inner), 20 * four + 4, 40 * four, 2, 0);
+        assert_volume(volume, outer * (1.0 - inner.powi(3)));
+    }
+}
+
+#[test]
+fn tori_have_the_volume_of_pappus() {
+    for (major, minor, nu, nv) in [(2.0, 0.5, 3, 3), (1.0, 0.25, 48, 24), (3.0, 2.9, 17, 10)] {
+        let volume = checked_volume(&uv_torus(major, minor, nu, nv), nu * nv, 2 * nu * nv, 1, 1);
+        assert_volume(volume, 2.0 * polygon_area(nu) * major * polygon_area(nv) * minor * minor);
+    }
+}
+
+#[test]
+fn cylinders_are_prisms() {
+    for (radius, height, segments, rings) in [(1.0, 2.0, 3, 1), (0.5, 3.0, 32, 8), (2.0, 0.1, 101, 2)] {
+        let (vertices, faces) = (segments * (rings + 1) + 2, segments * (rings + 2));
+        let volume = checked_volume(&cylinder(radius, height, segments, rings), vertices, faces, 1, 0);
+        assert_volume(volume, polygon_area(segments) * radius * radius * height);
+    }
+}
+
+#[test]
+fn bottles_are_stacks_of_frusta() {
+    for (segments, rings) in [(3, 1), (32, 30), (64, 100)] {
+        let radius = |z: f64| match z {
+            z if z <= 1.5 => 0.8,
+            z if z >= 2.25 => 0.3,
+            z => {
+                let t = (z - 1.5) / 0.75;
+                0.8 - 0.5 * (3.0 * t * t - 2.0 * t * t * t)
+            }
+        };
+        let height = 3.0 / rings as f64;
+        let frustum = |r: usize| {
+            let [a, b] = [r, r + 1].map(|r| radius(height * r as f64));
+            height * (a * a + a * b + b * b) / 3.0
+        };
+        let volume = checked_volume(&bottle(segments, rings), segments * (rings + 1) + 2, segments * (rings + 2), 1, 0);
+        assert_volume(volume, polygon_area(segments) * (0..rings).map(frustum).sum::<f64>());
+    }
+}
+
+#[test]
+#[should_panic(expected = "a box needs at least one rectangle along every side")]
+fn a_cube_without_squares_is_refused() {
+    let _ = cube(0);
+}
+
+#[test]
+#[should_panic(expected = "the minor radius is between 0 and 1, not 1")]
+fn a_torus_without_hole_is_refused() {
+    let _ = uv_torus(1.0, 1.0, 8, 8);
+}
+
+#[test]
+#[should_panic(expected = "a solid of revolution needs at least 3 segments, not 2")]
+fn a_flat_cylinder_is_refused() {
+    let _ = cylinder(1.0, 1.0, 2, 1);
+}
+
+#[test]
+#[should_panic(expected = "the cavity has a radius between 0 and 1, not NaN")]
+fn a_cavity_without_size_is_refused() {
+    let _ = hollow_sphere(0, f64::NAN);
+}
