@@ -1,2 +1,60 @@
-//! Development tasks.
-fn main() {}
+//! One word for what is done to the whole workspace: `cargo xtask test`, `cargo xtask lint`.
+
+use std::process::{Command, ExitCode};
+
+const USAGE: &str = "cargo xtask test   fetches what is missing and runs all tests
+cargo xtask lint   rustfmt, clippy and documentation, all warnings are errors";
+
+/// The core without threads first, then everything.
+const TEST: &[&str] = &[
+    "fetch --locked",
+    "test --locked -p isochor --no-default-features --test reference --test correct --test volume",
+    "test --locked --workspace --all-features",
+];
+
+const LINT: &[&str] = &[
+    "fmt --all --check",
+    "clippy --locked --workspace --all-features --all-targets -- -D warnings",
+    "doc --locked --workspace --all-features --no-deps",
+];
+
+fn main() -> ExitCode {
+    let succeeded = match std::env::args().nth(1).as_deref() {
+        Some("test") => TEST.iter().all(|step| cargo(step)),
+        Some("lint") => add_components() && LINT.iter().all(|step| cargo(step)),
+        _ => {
+            eprintln!("{USAGE}");
+            return ExitCode::from(2);
+        }
+    };
+    if succeeded { ExitCode::SUCCESS } else { ExitCode::FAILURE }
+}
+
+/// Runs cargo with `arguments`, and says so.
+fn cargo(arguments: &str) -> bool {
+    eprintln!("$ cargo {arguments}");
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.args(arguments.split(' ')).env("RUSTDOCFLAGS", "-D warnings");
+    match command.status() {
+        Ok(status) => status.success(),
+        Err(error) => {
+            eprintln!("cargo cannot be run: {error}");
+            false
+        }
+    }
+}
+
+/// Toolchains made by rustup may lack rustfmt and clippy.
+fn add_components() -> bool {
+    let is_there = |tool: &str| Command::new(tool).arg("--version").output().is_ok_and(|out| out.status.success());
+    if is_there("cargo-fmt") && is_there("cargo-clippy") {
+        return true;
+    }
+    eprintln!("$ rustup component add rustfmt clippy");
+    let status = Command::new("rustup").args(["component", "add", "rustfmt", "clippy"]).status();
+    if !status.is_ok_and(|status| status.success()) {
+        eprintln!("install rustfmt and clippy for this toolchain, then try again");
+        return false;
+    }
+    true
+}

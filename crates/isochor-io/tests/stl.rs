@@ -176,7 +176,7 @@ fn texts_that_are_read() {
 #[test]
 fn texts_that_are_refused() {
     let text = text();
-    let cut = |at: &str| text[..text.rfind(at).unwrap()].as_bytes().to_vec();
+    let cut = |at: &str| text.as_bytes()[..text.rfind(at).unwrap()].to_vec();
     refused(&cut("endfacet"), Place::Line(29), "within a facet");
     refused(&cut("  facet"), Place::Line(23), "'endsolid' is missing and 3 edges are open");
     let four = text.replacen("    endloop", "vertex 0 0 0\nendloop", 1);

@@ -1,4 +1,74 @@
 //! Free-form deformation of 3D models whose volume comes out exactly as wanted.
+//!
+//! # A tour
+//!
+//! Measure a model: a [`Mesh`] has a [`Topology`], and bounds a [`Solid`] that gives its signed volume.
+//!
+//! ```
+//! use isochor::{OpenBoundaries, Solid, shapes, topology};
+//!
+//! let mesh = shapes::cube(4);
+//! let solid = Solid::new(&mesh, &topology(&mesh), OpenBoundaries::Refuse)?;
+//! assert_eq!(solid.volume(mesh.points()), 1.0);
+//! # Ok::<(), isochor::SolidError>(())
+//! ```
+//!
+//! Deform it: a [`Lattice`] binds points, and the [`Binding`] W carries control displacements to vertices, `P = P⁰ + W (C −
+//! C⁰)`.
+//!
+//! ```
+//! use isochor::{Basis, Bounds, Frame, Lattice, Outside, displaced, shapes};
+//!
+//! let mesh = shapes::cube(4);
+//! let frame = Frame::fitted(mesh.bounds().unwrap(), 0.0)?;
+//! let lattice = Lattice::new([0; 3].map(|_| Basis::clamped(5, 3).unwrap()), frame)?;
+//! let binding = lattice.bind(mesh.points(), Outside::Keep)?;
+//!
+//! // Squash: every control point goes down to 60 % of its height.
+//! let displacement: Vec<_> = lattice.rest().iter().map(|c| glam::DVec3::new(0.0, 0.0, -0.4 * c.z)).collect();
+//! let posed = displaced(mesh.points(), &binding.apply(&displacement));
+//! assert!((Bounds::of(&posed).unwrap().max.z - 0.6).abs() < 1e-15);
+//! # Ok::<(), isochor::LatticeError>(())
+//! ```
+//!
+//! Give it back its volume: [`correct`] moves the controls a little further.
+//!
+//! ```
+//! # use isochor::{Basis, Frame, Lattice, OpenBoundaries, Outside, Solid, displaced, shapes, topology};
+//! use isochor::{CorrectOptions, Method, Pose, correct};
+//! # let mesh = shapes::cube(4);
+//! # let solid = Solid::new(&mesh, &topology(&mesh), OpenBoundaries::Refuse).unwrap();
+//! # let frame = Frame::fitted(mesh.bounds().unwrap(), 0.0).unwrap();
+//! # let lattice = Lattice::new([0; 3].map(|_| Basis::clamped(5, 3).unwrap()), frame).unwrap();
+//! # let binding = lattice.bind(mesh.points(), Outside::Keep).unwrap();
+//! # let displacement: Vec<_> = lattice.rest().iter().map(|c| glam::DVec3::new(0.0, 0.0, -0.4 * c.z)).collect();
+//! # let posed = displaced(mesh.points(), &binding.apply(&displacement));
+//!
+//! let method = Method::Axes { directions: vec![glam::DVec3::X, glam::DVec3::Y], shares: None };
+//! let pose = Pose { solid: &solid, vertices: &posed, binding: &binding };
+//! let corrected = correct(&pose, 1.0, &CorrectOptions { method, mobility: None })?;
+//! assert!((solid.volume(&corrected.vertices) - 1.0).abs() < 1e-13);
+//! # Ok::<(), isochor::CorrectError>(())
+//! ```
+//!
+//! Or ask for all of it at once, as data: a [`Job`].
+//!
+//! ```
+//! # #[cfg(feature = "serde")] {
+//! use isochor::{Job, JobInput, Source, shapes};
+//!
+//! let mesh = shapes::cube(4);
+//! let job = Job::from_toml("[[edit]]\ntwist = { axis = 'z', degrees = 90 }\n[preserve]\nvolume = '110%'").unwrap();
+//! let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None };
+//! let outcome = job.run(&input, &mut |_stage| {}).unwrap();
+//! assert!((outcome.report.volume.unwrap().overall.corrected - 1.1).abs() < 1e-13);
+//! # }
+//! ```
+//!
+//! # Features
+//!
+//! - `rayon` (default): threads. Results have the same bits without it.
+//! - `serde`: jobs as TOML and JSON, reports as JSON.
 
 mod axes;
 mod binding;
@@ -47,3 +117,10 @@ pub use report::{CorrectionReport, Report, Stopwatch, Timings, VolumeReport, Vol
 pub use select::{ControlSpace, SelectError, Selector};
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
+
+/// The examples of the documentation are tests.
+#[cfg(all(doctest, feature = "serde"))]
+mod pages {
+    #[doc = include_str!("../../../docs/correct.md")]
+    mod correct {}
+}
