@@ -3,7 +3,7 @@
 use std::process::ExitCode;
 
 use isochor::{JobInput, Precision, Report, Source, Stage, Stopwatch};
-use isochor_io::{Document, NumberType, WriteOptions, Written, lattice_from_json, lattice_to_json};
+use isochor_io::{Document, Format, NumberType, WriteOptions, Written, lattice_from_json, lattice_to_json};
 
 use crate::args::{Cli, Command};
 use crate::failure::Failure;
@@ -101,7 +101,7 @@ fn written(
     }
     let number = match (precision, document.number_type()) {
         (Precision::File, NumberType::F32) => NumberType::F32,
-        _ if request.output_format == isochor_io::Format::Stl && precision == Precision::File => NumberType::F32,
+        _ if request.output_format == Format::Stl && precision == Precision::File => NumberType::F32,
         _ => NumberType::F64,
     };
     let mesh = document
@@ -114,8 +114,11 @@ fn written(
         document.format().name(),
         request.output_format.name()
     );
-    // A format may renumber vertices (STL welds corners): the rounded numbers are what is to be measured.
-    let points = points.iter().map(|p| if number == NumberType::F32 { p.as_vec3().as_dvec3() } else { *p }).collect();
+    let points = match request.output_format {
+        // Welded corners have other numbers there; the coordinates are 32-bit floats.
+        Format::Stl => points.iter().map(|p| p.as_vec3().as_dvec3()).collect(),
+        Format::Obj | Format::Ply => new.mesh().points().to_vec(),
+    };
     Ok((Written { bytes: new.bytes().to_vec(), points, warnings: Vec::new() }, vec![note]))
 }
 

@@ -125,9 +125,9 @@ impl Terminal {
 pub fn volume_lines(report: &Report) -> Vec<String> {
     let Some(volume) = &report.volume else { return vec!["volume: the model bounds no body".into()] };
     let row = volume.overall;
-    let change = |volume: f64| format!("{volume:.12e} ({:+.3} %)", 100.0 * (volume / row.rest - 1.0));
+    let change = |volume: f64| format!("{} ({:+.3} %)", significant(volume), 100.0 * (volume / row.rest - 1.0));
     let mut lines =
-        vec![format!("volume at rest   {:.12e}", row.rest), format!("       posed     {}", change(row.posed))];
+        vec![format!("volume at rest   {}", significant(row.rest)), format!("       posed     {}", change(row.posed))];
     if let (Some(target), Some(error)) = (row.target, row.relative_error) {
         lines.push(format!("       target    {}", change(target)));
         lines.push(format!("       final     {}, relative error {error:.1e}", change(row.corrected)));
@@ -146,6 +146,16 @@ pub fn volume_lines(report: &Report) -> Vec<String> {
         ));
     }
     lines
+}
+
+/// A number with 13 significant digits, without an exponent where that reads well.
+fn significant(x: f64) -> String {
+    const DIGITS: i32 = 13;
+    let exponent = if x == 0.0 { 0 } else { x.abs().log10().floor() as i32 };
+    match exponent {
+        -5..DIGITS => format!("{x:.*}", (DIGITS - 1 - exponent) as usize),
+        _ => format!("{x:.*e}", DIGITS as usize - 1),
+    }
 }
 
 /// The stages of a job on a progress bar.

@@ -115,7 +115,6 @@ fn correction_along_the_axes_agrees_with_pygem() {
         assert_close(&vertices, &vectors(&case["points_before"]), name);
         let sixfold = |key: &str| case[key].as_f64().unwrap() / 6.0;
         let close = |a: f64, b: f64| (a - b).abs() <= 1e-12 * b.abs();
-        // A blob may be wound inwards; PyGeM takes the sign as it comes, and so does the solid.
         assert!(close(solid.volume(mesh.points()), sixfold("six_volume_rest")), "{name}");
         assert!(close(solid.volume(&vertices), sixfold("six_volume_before")), "{name}");
 

@@ -14,7 +14,8 @@
 //!
 //! # Changes versus the paper
 //!
-//! - A final step takes away what rounding left (a few 1e-16 of the volume), so that thin models end exact too.
+//! - Final steps take away what rounding left (a few 1e-16 of the volume). Where a model is so thin that the rounding of its
+//!   coordinates still shows, they are rounded up or down so that the volume comes out.
 //! - Impossible requests are found before anything moves, and named.
 
 use glam::DVec3;
@@ -73,7 +74,8 @@ impl Method {
 pub struct Correction {
     /// δ: what to add to the controls (#controls × 3). Exactly 0 where a coordinate is pinned.
     pub displacement: Vec<DVec3>,
-    /// X + W δ (#vertices × 3), in the coordinates of the pose.
+    /// X + W δ (#vertices × 3), in the coordinates of the pose. Where a model is very thin, a coordinate may be the other
+    /// neighbour of the exact number.
     pub vertices: Vec<DVec3>,
     /// Signed volume of the pose before.
     pub volume_before: f64,
@@ -94,9 +96,6 @@ pub enum Status {
     AlreadyMet,
     /// The wanted volume is met to [`tolerances::VOLUME`].
     Exact,
-    /// The volume is as near as the rounding of f64 coordinates allows, which is not [`tolerances::VOLUME`]: the model is
-    /// so thin that moving a vertex by one rounding changes its volume by more.
-    RoundingLimited,
 }
 
 /// Why there is no correction. Nothing was changed.
@@ -154,13 +153,13 @@ pub enum CorrectError {
         shares: Vec<f64>,
     },
     /// A target to which no relative error exists.
-    #[error("the wanted volume is {target}: it must be finite and not 0")]
+    #[error("the wanted volume is {target:e}: it must be finite and not 0")]
     Target {
         /// The target.
         target: f64,
     },
     /// No displacement of the kind asked for gives the wanted volume.
-    #[error("the volume cannot become {target} (it is {volume}): impossible, because {reason}")]
+    #[error("the volume cannot become {target:e} (it is {volume:e}): impossible, because {reason}")]
     Impossible {
         /// The wanted volume.
         target: f64,
@@ -185,16 +184,40 @@ pub enum Reason {
     Dead,
     /// The volume along the gradient line turns back before the target.
     #[error(
-        "along the gradient the volume can only reach {limit}, then it turns back; give more controls freedom, choose axes, \
+        "along the gradient the volume can only reach {limit:e}, then it turns back; give more controls freedom, choose axes, \
          or ask for less change"
     )]
     Turns {
         /// The last volume before it turns back.
         limit: f64,
     },
+    /// The model is so thin that moving one vertex by one rounding changes its volume by more than is allowed.
+    #[error(
+        "the model is so thin that the rounding of its coordinates leaves a relative error of {relative_error:.1e}, more \
+         than {:e}",
+        tolerances::VOLUME
+    )]
+    Rounding {
+        /// What could be reached.
+        relative_error: f64,
+    },
     /// The numbers left the range of f64 on the way.
     #[error("the displacement it takes leaves the range of numbers")]
     Overflow,
+}
+
+impl CorrectError {
+    /// The same for a body whose volumes are counted with `orientation` (1 or −1).
+    pub(crate) fn oriented(mut self, orientation: f64) -> Self {
+        if let Self::Impossible { target, volume, reason } = &mut self {
+            *target *= orientation;
+            *volume *= orientation;
+            if let Reason::Turns { limit } = reason {
+                *limit *= orientation;
+            }
+        }
+        self
+    }
 }
 
 /// Corrects a pose to the signed volume `target` (in the pose's length unit cubed, sign as [`Solid::volume`] gives it).
@@ -232,7 +255,7 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
     let origin = Bounds::of(pose.vertices).map_or(DVec3::ZERO, |b| b.lossless_origin());
     let vertices: Vec<DVec3> = pose.vertices.iter().map(|p| *p - origin).collect();
     let volume_before = solid.volume(&vertices);
-    let problem = Problem { solid, binding, mobility, target, volume_before };
+    let problem = Problem { solid, binding, mobility, posed: vertices.clone(), target, volume_before };
     let start = State { displacement: vec![DVec3::ZERO; controls], vertices, volume: volume_before, steps: 0 };
 
     let (end, moved) = if problem.is_met(volume_before) {
@@ -249,11 +272,10 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
     if !relative_error.is_finite() {
         return Err(problem.impossible(Reason::Overflow));
     }
-    let status = match (moved, relative_error <= tolerances::VOLUME) {
-        (false, _) => Status::AlreadyMet,
-        (true, true) => Status::Exact,
-        (true, false) => Status::RoundingLimited,
-    };
+    if relative_error > tolerances::VOLUME {
+        return Err(problem.impossible(Reason::Rounding { relative_error }));
+    }
+    let status = if moved { Status::Exact } else { Status::AlreadyMet };
     let vertices = match moved {
         true => end.vertices.iter().map(|p| *p + origin).collect(),
         false => pose.vertices.to_vec(),
@@ -274,6 +296,8 @@ pub(crate) struct Problem<'a> {
     pub(crate) solid: &'a Solid,
     pub(crate) binding: &'a Binding,
     pub(crate) mobility: Vec<DVec3>,
+    /// The posed vertices (#vertices × 3).
+    posed: Vec<DVec3>,
     pub(crate) target: f64,
     pub(crate) volume_before: f64,
 }
@@ -328,25 +352,55 @@ impl Problem<'_> {
         Ok(())
     }
 
-    /// Measures `state` and takes away what rounding left of the deficit by small steps of the same kind: `step(state,
-    /// deficit)`, `None` where no such step exists any more. Keeps the best.
+    /// Measures `state` and takes away what rounding left of the deficit: by small steps of the same kind, `step(state,
+    /// deficit)` (`None` where no such step exists any more), and at last by the choice of roundings.
     pub(crate) fn finished(&self, mut state: State, step: impl Fn(&State, f64) -> Option<Step>) -> State {
         /// More: nothing left to gain after two or three; fewer: thin models end further off than they need.
         const ROUNDS: usize = 4;
         state.volume = self.solid.volume(&state.vertices);
-        for _ in 0..ROUNDS {
+        for round in 0..2 * ROUNDS {
             let deficit = self.target - state.volume;
-            if self.is_met(state.volume) || !deficit.is_finite() {
+            let is_good = deficit.abs() <= tolerances::VOLUME * self.target.abs();
+            if self.is_met(state.volume) || !deficit.is_finite() || (is_good && round >= ROUNDS) {
                 break;
             }
-            let Some(step) = step(&state, deficit) else { break };
-            let mut next = state.after(&step);
+            let next = if round < ROUNDS {
+                step(&state, deficit).map(|step| state.after(&step))
+            } else {
+                Some(self.rounded_otherwise(&state, deficit))
+            };
+            let Some(mut next) = next else { continue };
             next.volume = self.solid.volume(&next.vertices);
-            if (self.target - next.volume).abs() >= deficit.abs() {
-                break;
+            if (self.target - next.volume).abs() < deficit.abs() {
+                state = next;
             }
-            state = next;
         }
+        state
+    }
+
+    /// `state` with some coordinates that the correction moved rounded up or down by one unit in the last place, such that
+    /// the deficit shrinks: the largest effects first.
+    fn rounded_otherwise(&self, state: &State, deficit: f64) -> State {
+        let gradient = self.solid.volume_gradient(&state.vertices);
+        let moved = |v: usize, a: usize| state.vertices[v][a] != self.posed[v][a];
+        let mut units: Vec<(f64, usize, usize)> = (0..gradient.len())
+            .filter(|v| !self.solid.has_twin(*v))
+            .flat_map(|v| (0..3).map(move |a| (v, a)))
+            .filter(|(v, a)| moved(*v, *a))
+            .map(|(v, a)| (gradient[v][a] * (state.vertices[v][a].next_up() - state.vertices[v][a]), v, a))
+            .collect();
+        units.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+        let mut state = state.clone();
+        let mut open = deficit;
+        for (effect, v, a) in units {
+            let x = &mut state.vertices[v][a];
+            if (open - effect).abs() < open.abs() {
+                (*x, open) = (x.next_up(), open - effect);
+            } else if (open + effect).abs() < open.abs() {
+                (*x, open) = (x.next_down(), open + effect);
+            }
+        }
+        state.steps += 1;
         state
     }
 }

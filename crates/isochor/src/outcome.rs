@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use crate::binding::displaced;
 use crate::bspline::{Basis, BasisError};
-use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Status, correct};
+use crate::correct::{CorrectError, CorrectOptions, Method, Pose, correct};
 use crate::edit::EditError;
 use crate::health::{Health, Source};
 use crate::job::{
@@ -306,14 +306,8 @@ impl Job {
             let posed_volumes = kept.solid.volumes(&points);
             let target = target_volume(&self.preserve.volume, &kept, &posed_volumes)?;
             let pose = Pose { solid: &kept.solid, vertices: &points, binding: &binding };
-            let corrected = correct(&pose, target * kept.orientation, &options)?;
-            if corrected.status == Status::RoundingLimited {
-                warnings.push(format!(
-                    "The model is so thin that the rounding of its coordinates limits the volume to a relative error of \
-                     {:.1e}.",
-                    corrected.relative_error
-                ));
-            }
+            let corrected = correct(&pose, target * kept.orientation, &options)
+                .map_err(|error| error.oriented(kept.orientation))?;
             correction = CorrectionReport::of(&corrected, &options.method, &points, extent);
             displacement = displaced(&displacement, &corrected.displacement);
             posed = displaced(&posed, &corrected.displacement);

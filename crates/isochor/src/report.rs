@@ -61,7 +61,7 @@ pub struct VolumeRow {
 pub struct CorrectionReport {
     /// "gradient", "axes", or "none" where the volume was free.
     pub method: String,
-    /// How it ended: "exact", "already-met", "rounding-limited", or "not-asked".
+    /// How it ended: "exact", "already-met", or "not-asked".
     pub status: String,
     /// Exact steps taken.
     pub iterations: usize,
@@ -93,7 +93,6 @@ impl CorrectionReport {
         let status = match correction.status {
             Status::AlreadyMet => "already-met",
             Status::Exact => "exact",
-            Status::RoundingLimited => "rounding-limited",
         };
         Self {
             method: method.into(),

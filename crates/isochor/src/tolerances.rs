@@ -13,8 +13,8 @@ pub const NO_VOLUME: f64 = 1e-9;
 /// that could still work; smaller: control points run away.
 pub const DEAD_AXIS: f64 = 1e-12;
 
-/// Relative volume error that a correction must reach. It is met with a margin of 10 to 100 by ordinary models; thinner
-/// ones can be limited by the rounding of their coordinates, and then the report says so.
+/// Relative volume error that a correction must reach. Ordinary models reach it with a margin of 100 to 1000. Larger: exact
+/// would not mean exact; smaller: thin models are refused whose coordinates cannot do better.
 pub const VOLUME: f64 = 1e-13;
 
 /// Below this relative volume error no further correction step is tried: a few roundings of the volume itself.

@@ -56,6 +56,8 @@ pub struct Solid {
     incident: Vec<u32>,
     /// Pairs of vertices at one place at rest.
     twins: Vec<[u32; 2]>,
+    /// Whether a vertex shares its place with another (#vertices).
+    has_twin: Vec<bool>,
 }
 
 /// A boundary that is closed virtually.
@@ -173,8 +175,10 @@ impl Solid {
         let triangles: Vec<[u32; 3]> = all.into_iter().map(|(_, t)| t).collect();
 
         let (incident_starts, incident) = incidence(&triangles, vertices + caps.len());
-        let twins = (0..).zip(welded).filter(|(v, w)| v != *w).map(|(v, &w)| [v, w]).collect();
-        Ok(Self { vertices, triangles, components, caps, incident_starts, incident, twins })
+        let twins: Vec<[u32; 2]> = (0..).zip(welded).filter(|(v, w)| v != *w).map(|(v, &w)| [v, w]).collect();
+        let mut has_twin = vec![false; vertices];
+        twins.iter().flatten().for_each(|v: &u32| has_twin[*v as usize] = true);
+        Ok(Self { vertices, triangles, components, caps, incident_starts, incident, twins, has_twin })
     }
 
     /// Number of vertices that every pose must have.
@@ -200,6 +204,11 @@ impl Solid {
     #[must_use]
     pub fn torn_vertices(&self, points: &[DVec3]) -> Option<[u32; 2]> {
         self.twins.iter().copied().find(|[a, b]| points[*a as usize] != points[*b as usize])
+    }
+
+    /// Whether vertex `v` stood at one place with another at rest.
+    pub(crate) fn has_twin(&self, v: usize) -> bool {
+        self.has_twin[v]
     }
 
     /// Signed volumes of the pose `points` (#vertices × 3), caps included.

@@ -1,0 +1,381 @@
+//! Real and broken files: the folder of reference models, whose figures another program computed (`tools/analyse.py` there).
+
+use std::collections::BTreeMap;
+use std::fmt::Display;
+use std::path::PathBuf;
+use std::process::Command;
+
+use isochor::{Health, Job, JobInput, Source, Verdict, topology};
+use isochor_io::{Document, Format, Place, ReadError, WriteOptions};
+use serde_json::Value;
+
+fn shared(path: &str) -> PathBuf {
+    PathBuf::from(option_env!("ISOCHOR_SHARED_DIR").expect("build.rs found the folder")).join("models").join(path)
+}
+
+fn read(path: &str) -> Result<Document, ReadError> {
+    Document::parse(std::fs::read(shared(path)).unwrap(), Format::from_path(path.as_ref()).unwrap())
+}
+
+fn source(document: &Document) -> Source {
+    Source {
+        format: document.format().name().into(),
+        vertices: document.vertices_in_file(),
+        faces: document.faces_in_file(),
+        warnings: document.warnings().to_vec(),
+    }
+}
+
+fn health(document: &Document) -> Health {
+    let mesh = document.mesh();
+    Health::of(mesh, &topology(mesh), &source(document)).0
+}
+
+/// A row of a table: cells by heading.
+type Row = BTreeMap<String, String>;
+
+/// The rows of a table of tab-separated values whose files are in a format that can be read.
+fn table(path: &str) -> Vec<Row> {
+    let text = std::fs::read_to_string(shared(path)).unwrap();
+    let mut lines = text.lines().map(|line| line.split('\t').map(String::from).collect::<Vec<_>>());
+    let headings = lines.next().unwrap();
+    let rows = lines.map(|cells| headings.iter().cloned().zip(cells).collect::<Row>());
+    rows.filter(|row| Format::from_path(row["file"].as_ref()).is_ok()).collect()
+}
+
+/// The rows of the manifest that have figures.
+fn rows_with_figures() -> Vec<Row> {
+    table("MANIFEST.tsv").into_iter().filter(|row| row["vertices"] != "-").collect()
+}
+
+/// Where manifest and reader part for a reason: file, column (or "refused"), reason.
+const PARTINGS: [(&str, &str, &str); 2] = [
+    (
+        "formats/real/wallhole.obj",
+        "faces without area",
+        "the manifest counts flat triangles of the fans, here 11 of two large polygons; a polygon with area is none",
+    ),
+    (
+        "broken/real/ply_empty_header.ply",
+        "refused",
+        "its header announces no element: the manifest takes that for a model of 0 vertices, a reader for a lost header",
+    ),
+];
+
+/// Compares what was found with the cells of a row.
+struct Comparison {
+    row: Row,
+    /// Column and both values, where they differ.
+    differences: Vec<(String, String)>,
+}
+
+impl Comparison {
+    fn cell(&mut self, column: &str, found: impl Display) {
+        let found = found.to_string();
+        let agree = self.row[column] == found;
+        self.note(column, found, agree);
+    }
+
+    fn yes_or_no(&mut self, column: &str, found: bool) {
+        self.cell(column, if found { "yes" } else { "no" });
+    }
+
+    /// Numbers that were printed with so many significant digits, and are uncertain by `noise` besides.
+    fn printed(&mut self, column: &str, found: &[f64], digits: i32, noise: f64) {
+        let cells: Vec<f64> = self.row[column].split(' ').map(|number| number.parse().unwrap()).collect();
+        let half_a_digit = 5.001 * 10f64.powi(-digits);
+        let near = |(a, b): (&f64, &f64)| (a - b).abs() <= half_a_digit * a.abs() + noise;
+        let agree = cells.len() == found.len() && cells.iter().zip(found).all(near);
+        self.note(column, format!("{found:?}"), agree);
+    }
+
+    fn note(&mut self, column: &str, found: String, agree: bool) {
+        if !agree {
+            self.differences.push((column.into(), format!("{found}, the manifest says {}", self.row[column])));
+        }
+    }
+}
+
+/// Columns in which the figures of a model differ from its row.
+fn differences(row: &Row, document: &Document) -> Vec<(String, String)> {
+    let health = health(document);
+    let mut compare = Comparison { row: row.clone(), differences: Vec::new() };
+    compare.cell("vertices", health.vertices);
+    compare.cell("faces", health.faces);
+    match health.bounds {
+        Some(bounds) => compare.printed("bounding box", &bounds.concat(), 6, 0.0),
+        None => compare.cell("bounding box", "-"),
+    }
+    if row["triangles if fanned"] == "-" {
+        return compare.differences;
+    }
+    compare.cell("triangles if fanned", health.triangles);
+    compare.yes_or_no("watertight", health.closed);
+    compare.yes_or_no("consistently oriented", health.oriented);
+    compare.yes_or_no("balanced", health.balanced);
+    compare.cell("components", health.components);
+    compare.cell("boundary edges", health.boundary_edges);
+    compare.cell("edges of >2 faces", health.nonmanifold_edges);
+    compare.cell("genus", health.genus.map_or("-".into(), |genus| genus.to_string()));
+    compare.cell("unused vertices", health.unused_vertices);
+    compare.cell("coincident vertices", health.coincident_vertices);
+    compare.cell("faces without area", health.zero_area_faces);
+    if let (true, Some(volume), Some(bounds)) = (health.balanced, &health.volume, document.mesh().bounds()) {
+        // The manifest's sum was rounded to about 1e-13 of its terms.
+        compare.printed("signed volume", &[volume.total], 9, 1e-14 * bounds.extent().powi(3));
+    }
+    compare.differences
+}
+
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn every_model_has_the_figures_of_the_manifest() {
+    let mut found = Vec::new();
+    let rows = rows_with_figures();
+    for row in &rows {
+        let file = row["file"].as_str();
+        let here = match read(file) {
+            Ok(document) => differences(row, &document),
+            Err(_) if row["note"].contains("-> refuse") => Vec::new(),
+            Err(error) => vec![("refused".into(), error.to_string())],
+        };
+        found.extend(here.into_iter().map(|(column, what)| (file.to_owned(), column, what)));
+    }
+    let known = |file: &str, column: &str| PARTINGS.iter().any(|(f, c, _)| (*f, *c) == (file, column));
+    let surprises: Vec<_> = found.iter().filter(|(file, column, _)| !known(file, column)).collect();
+    assert!(surprises.is_empty(), "{surprises:#?}");
+    assert_eq!(found.len(), PARTINGS.len(), "a parting of ways is none any more: {found:#?}");
+    assert!(rows.len() > 200, "only {} rows of the manifest have figures", rows.len());
+}
+
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn every_file_comes_back_byte_for_byte_where_no_point_moves() {
+    for row in table("MANIFEST.tsv") {
+        let Ok(document) = read(&row["file"]) else { continue };
+        let points = document.mesh().points();
+        let written = document.with_points(points, &WriteOptions::default()).unwrap();
+        assert!(written.bytes == document.bytes(), "{} changed", row["file"]);
+        assert_eq!(written.points, points, "{}", row["file"]);
+    }
+}
+
+/// The volume that the notes say a file has.
+fn volume_said(file: &str, sentence: &str) -> Option<f64> {
+    match file {
+        "obj-repeated-corner.obj" | "obj-two-corner-face.obj" | "ply-list-of-zero.ply" => return Some(1.0), // a cube still
+        "topo-ngon-3000.obj" => return Some(1500.0 * (std::f64::consts::TAU / 3000.0).sin()),
+        _ => {}
+    }
+    let word = sentence.split("volume ").nth(1)?.split([' ', ',', ';', ':', ')']).next()?;
+    match word.split_once('/') {
+        Some((a, b)) => Some(a.parse::<f64>().ok()? / b.parse::<f64>().ok()?),
+        None => word.parse().ok(),
+    }
+}
+
+/// What the notes say of a file in words that are not "refuse" or a volume.
+fn verdict_said(file: &str) -> Option<Verdict> {
+    match file {
+        "topo-flipped-face.obj" | "topo-klein.obj" => Some(Verdict::Inconsistent),
+        "topo-inward.obj" => Some(Verdict::InsideOut),
+        "topo-missing-face.obj" | "topo-missing-side-shifted.obj" | "topo-t-junction.obj" | "topo-fin.obj" => {
+            Some(Verdict::Capped)
+        }
+        "topo-single-triangle.obj" | "topo-flat.obj" | "topo-quad-pillow.obj" | "stl-jitter.stl" => {
+            Some(Verdict::NoVolume)
+        }
+        "topo-all-one-point.obj" => Some(Verdict::NoFaces),
+        _ => None,
+    }
+}
+
+/// Files that are read and of which the manifest says all there is to check: edges of three faces, volume by the fan rule.
+const IN_THE_MANIFEST: [&str; 2] = ["topo-duplicate-face.obj", "topo-nonplanar-quads.obj"];
+
+/// What is wrong with a refusal, if anything.
+fn fault_of_error(file: &str, sentence: &str, error: &ReadError) -> Option<&'static str> {
+    let bytes = std::fs::read(shared(&format!("broken/made/{file}"))).unwrap();
+    let is_text = !bytes.contains(&0) && (file.ends_with(".obj") || file.contains("ascii"));
+    if !sentence.contains("refuse") {
+        Some("it can be read")
+    } else if error.what().is_empty() || error.hint().is_none() {
+        Some("the error is no help")
+    } else if error.place().is_none() && !bytes.is_empty() {
+        Some("the error names no place")
+    } else if is_text && matches!(error.place(), Some(Place::Byte(_))) {
+        Some("the error names no line of the text")
+    } else {
+        None
+    }
+}
+
+/// What is wrong with the health of a file that was read, if anything.
+fn fault_of_health(file: &str, sentence: &str, health: &Health) -> Option<&'static str> {
+    let must_refuse = sentence.starts_with("refuse") && !sentence.contains(", or ");
+    let verdict = if sentence.contains("read as empty") { Some(Verdict::NoFaces) } else { verdict_said(file) };
+    let volume = volume_said(file, sentence).filter(|_| verdict.is_none());
+    let total = health.volume.as_ref().map_or(f64::NAN, |volume| volume.total);
+    // The corners of the large polygon were printed with nine digits.
+    let tolerance = if file == "topo-ngon-3000.obj" { 1e-8 } else { 1e-15 };
+    if must_refuse {
+        Some("it must not be read")
+    } else if sentence.contains("say so") && health.warnings.is_empty() {
+        Some("no warning")
+    } else if verdict.is_some_and(|verdict| health.verdict != verdict) {
+        Some("another verdict was said")
+    } else if volume.is_some_and(|volume| total.is_nan() || (total - volume).abs() > tolerance * volume.abs()) {
+        Some("another volume was said")
+    } else if verdict.is_none() && volume.is_none() && !IN_THE_MANIFEST.contains(&file) {
+        Some("no test covers it")
+    } else {
+        None
+    }
+}
+
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn broken_files_are_met_as_a_careful_reader_would() {
+    let rows = table("broken/made/NOTES.tsv");
+    let mut faults = Vec::new();
+    for row in &rows {
+        let (file, sentence) = (row["file"].as_str(), row["what a careful reader does"].as_str());
+        let (fault, met) = match read(&format!("broken/made/{file}")) {
+            Ok(document) => {
+                let health = health(&document);
+                (fault_of_health(file, sentence, &health), format!("{:?}, {:?}", health.verdict, health.volume))
+            }
+            Err(error) => (fault_of_error(file, sentence, &error), error.to_string()),
+        };
+        faults.extend(fault.map(|fault| format!("{file} ({sentence}): {fault}: {met}")));
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+    assert!(rows.len() > 90, "only {} rows", rows.len());
+}
+
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn the_porsche_with_a_lying_header_is_refused_at_its_first_vertex() {
+    let error = read("broken/real/porsche.ply").unwrap_err();
+    assert_eq!(error.place(), Some(Place::Line(14)), "{error}");
+    assert!(error.what().contains("too few numbers"), "{error}");
+}
+
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn every_model_keeps_its_volume_exactly_or_says_why_it_has_none() {
+    let job = "[[edit]]\ntwist = { axis = \"z\", degrees = 60 }\n[[edit]]\nstretch = { axis = \"x\", scale = 1.5 }\n";
+    let job = Job::from_toml(job).unwrap();
+    let (mut closed, mut faults) = (0, Vec::new());
+    for row in rows_with_figures() {
+        if row["faces"].parse::<usize>().unwrap() > 60_000 {
+            continue;
+        }
+        let Ok(document) = read(&row["file"]) else { continue };
+        let (source, health) = (source(&document), health(&document));
+        let outcome = job.run(&JobInput { mesh: document.mesh(), source: &source, lattice: None }, &mut |_| {});
+        let fault = match outcome {
+            Ok(outcome) => {
+                let volume = outcome.report.volume.unwrap().overall;
+                let error = volume.relative_error.unwrap();
+                closed += usize::from(health.closed);
+                (error.is_nan() || error > 1e-13).then(|| format!("{error:e}, {volume:?}"))
+            }
+            Err(error) => health.verdict.is_preservable().then(|| error.to_string()),
+        };
+        faults.extend(fault.map(|fault| format!("{}: {fault}", row["file"])));
+    }
+    assert!(faults.is_empty(), "{faults:#?}");
+    assert!(closed > 100, "only {closed} closed models");
+}
+
+/// The text of the header, and the bytes behind the vertices: `float x, y, z` each, as in all models that are tried here.
+fn header_and_faces(ply: &[u8]) -> (&str, &[u8]) {
+    let end = ply.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;
+    let header = std::str::from_utf8(&ply[..end]).unwrap();
+    let vertices = header.split("element vertex ").nth(1).unwrap();
+    assert!(vertices.contains("\nproperty float x\nproperty float y\nproperty float z\nelement face "), "{header}");
+    let count: usize = vertices.lines().next().unwrap().parse().unwrap();
+    (header, &ply[end + 12 * count..])
+}
+
+/// Fails where anything but the three coordinates of `v` lines differs.
+fn assert_only_coordinates_differ(before: &[u8], after: &[u8]) {
+    let [before, after] = [before, after].map(|bytes| std::str::from_utf8(bytes).unwrap());
+    assert_eq!(before.lines().count(), after.lines().count());
+    for (a, b) in before.lines().zip(after.lines()) {
+        if a.starts_with("v ") {
+            let [a, b] = [a, b].map(|line| line.split(' ').collect::<Vec<_>>());
+            assert_eq!((a.len(), a[0], &a[4..]), (b.len(), b[0], &b[4..]));
+        } else {
+            assert_eq!(a, b);
+        }
+    }
+}
+
+/// Twists and bends a model through the command, corrected in four ways.
+fn deform_and_check(file: &str) {
+    let folder = tempfile::tempdir().unwrap();
+    let output = folder.path().join(file.rsplit('/').next().unwrap());
+    let before = std::fs::read(shared(file)).unwrap();
+    let format = Format::from_path(&output).unwrap();
+    let ways = [["--preserve", "gradient"], ["--preserve", "xy"], ["--preserve", "z"], ["--volume", "120%"]];
+    for way in ways {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isochor"));
+        command.args(["deform", "--json", "--quiet", "--twist", "z=60", "--bend", "x=40,z", "--output"]);
+        let ran = command.arg(&output).arg(shared(file)).args(way).output().unwrap();
+        assert!(ran.status.success(), "{file} {way:?}: {}", String::from_utf8_lossy(&ran.stdout));
+        let report: Value = serde_json::from_slice(&ran.stdout).unwrap();
+        let number = |key: &str| report["volume"][key].as_f64().unwrap();
+
+        let wanted = if way[0] == "--volume" { 1.2 } else { 1.0 } * number("rest");
+        assert!((number("target") / wanted - 1.0).abs() <= 1e-15, "{file} {way:?}");
+        assert!((number("posed") / wanted - 1.0).abs() > 1e-4, "{file} {way:?}: nothing to correct");
+        assert!(number("relative_error") <= 1e-13, "{file} {way:?}: {:e}", number("relative_error"));
+        let held = if format == Format::Obj { 1e-13 } else { 1e-6 };
+        assert!((number("written") / wanted - 1.0).abs() <= held, "{file} {way:?}: {}", number("written"));
+
+        let after = std::fs::read(&output).unwrap();
+        assert!(before != after);
+        match format {
+            Format::Obj => assert_only_coordinates_differ(&before, &after),
+            _ => assert!(header_and_faces(&before) == header_and_faces(&after), "{file} {way:?}"),
+        }
+        let again = health(&Document::parse(after, format).unwrap()).volume.unwrap().total;
+        assert!((again.abs() / number("written") - 1.0).abs() <= 1e-13, "{file} {way:?}: {again}");
+    }
+}
+
+/// One test for each model that is run through the command.
+macro_rules! deformed {
+    ($($name:ident: $file:literal,)*) => {$(
+        #[test]
+        #[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+        fn $name() {
+            deform_and_check($file);
+        }
+    )*};
+}
+
+deformed! {
+    the_open_bunny_keeps_its_capped_volume: "open/bunny-35947v.ply",
+    the_armadillo_keeps_its_volume: "closed/armadillo-43243v.ply",
+    the_horse_that_is_inside_out_keeps_its_volume: "closed/horse-48485v-inward.ply",
+    spot_of_quads_keeps_its_volume: "closed/spot-2928quads.obj",
+    the_porsche_with_edges_of_four_faces_keeps_its_volume: "derived/porsche-repaired-derived.ply",
+    the_cow_with_two_fans_at_a_vertex_keeps_its_volume: "open/cow-2903v.obj",
+}
+
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn the_bunny_is_not_deformed_where_open_models_are_refused() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut command = Command::new(env!("CARGO_BIN_EXE_isochor"));
+    command.args(["deform", "--json", "--twist", "z=60", "--open", "refuse", "--output"]);
+    let ran = command.arg(folder.path().join("bunny.ply")).arg(shared("open/bunny-35947v.ply")).output().unwrap();
+    assert_eq!(ran.status.code(), Some(1));
+    let report: Value = serde_json::from_slice(&ran.stdout).unwrap();
+    assert_eq!(report["error"]["code"], "open");
+    assert!(report["error"]["what"].as_str().unwrap().contains("223 boundary edges"), "{report}");
+    assert_eq!(std::fs::read_dir(&folder).unwrap().count(), 0);
+}
