@@ -28,7 +28,7 @@ const STORIES: [Story; 4] = [
         about: "a ball is flattened to 40 % of its height; it grows sideways only, as squash and stretch should",
         mesh: || shapes::icosphere(5),
         extension: "ply",
-        job: "[lattice]\nsize = 6\n\n[[edit]]\nstretch = { axis = \"z\", scale = 0.4 }\n\n[preserve]\naxes = \"xy\"\n",
+        job: "[lattice]\nsize = 6\nknots = \"uniform\"\n\n[[edit]]\nstretch = { axis = \"z\", scale = 0.4 }\n\n[preserve]\naxes = \"xy\"\n",
     },
     Story {
         name: "cube",

@@ -6,10 +6,13 @@ use clap::CommandFactory;
 
 use crate::args::Cli;
 use crate::failure::Failure;
+use crate::terminal::write;
 
 /// Prints completions for a shell.
 pub fn completions(shell: clap_complete::Shell) -> Result<(), Failure> {
-    clap_complete::generate(shell, &mut Cli::command(), "isochor", &mut std::io::stdout());
+    let mut script = Vec::new();
+    clap_complete::generate(shell, &mut Cli::command(), "isochor", &mut script);
+    write(&mut std::io::stdout(), &String::from_utf8_lossy(&script));
     Ok(())
 }
 
@@ -17,9 +20,10 @@ pub fn completions(shell: clap_complete::Shell) -> Result<(), Failure> {
 pub fn man(folder: Option<&Path>) -> Result<(), Failure> {
     let command = Cli::command();
     let Some(folder) = folder else {
-        return clap_mangen::Man::new(command).render(&mut std::io::stdout()).map_err(|error| {
-            Failure::usage("standard output", format!("cannot be written: {error}"), "check where it is piped to")
-        });
+        let mut page = Vec::new();
+        clap_mangen::Man::new(command).render(&mut page).expect("writing to memory does not fail");
+        write(&mut std::io::stdout(), &String::from_utf8_lossy(&page));
+        return Ok(());
     };
     let failed = |error: std::io::Error| {
         Failure::file(

@@ -1,5 +1,6 @@
 //! What a person sees on standard error, and a program on standard output.
 
+use std::io::Write;
 use std::path::Path;
 use std::process::ExitCode;
 
@@ -30,14 +31,14 @@ impl Terminal {
     /// A line for people.
     pub fn say(&self, line: &str) {
         if !self.quiet {
-            eprintln!("{line}");
+            write(&mut std::io::stderr(), &format!("{line}\n"));
         }
     }
 
     /// Data for programs, if they asked for it.
     pub fn data(&self, data: &impl serde::Serialize) {
         if self.json {
-            print!("{}", json(data));
+            write(&mut std::io::stdout(), &json(data));
         }
     }
 
@@ -49,7 +50,8 @@ impl Terminal {
         }
         self.data(&Reported { error: failure });
         if !(self.json && self.quiet) {
-            eprintln!("error: {}\n  where: {}\n   hint: {}", failure.what, failure.place, failure.hint);
+            let text = format!("error: {}\n  where: {}\n   hint: {}\n", failure.what, failure.place, failure.hint);
+            write(&mut std::io::stderr(), &text);
         }
         ExitCode::from(failure.exit)
     }
@@ -64,11 +66,11 @@ impl Terminal {
     /// Tells what a model is.
     pub fn health(&self, path: &Path, health: &Health) {
         self.data(health);
-        if self.json {
+        if self.json || self.quiet {
             return;
         }
         let yes = |flag: bool| if flag { "yes" } else { "no" };
-        println!("{}: {}", path.display(), health.verdict.sentence());
+        let mut text = format!("{}: {}\n", path.display(), health.verdict.sentence());
         let rows = [
             ("format", health.format.clone()),
             (
@@ -93,16 +95,17 @@ impl Terminal {
             ("volume", health.volume.as_ref().map_or("undefined".into(), |v| v.total.to_string())),
         ];
         for (name, value) in rows {
-            println!("  {name:<11} {value}");
+            text += &format!("  {name:<11} {value}\n");
         }
         if let Some(volume) = health.volume.as_ref().filter(|v| v.components.len() > 1) {
             for (c, v) in volume.components.iter().enumerate() {
-                println!("  component {c}: volume {v}");
+                text += &format!("  component {c}: volume {v}\n");
             }
         }
         for warning in &health.warnings {
-            println!("  note: {warning}");
+            text += &format!("  note: {warning}\n");
         }
+        write(&mut std::io::stdout(), &text);
     }
 
     /// Tells what a deformation did.
@@ -146,6 +149,11 @@ pub fn volume_lines(report: &Report) -> Vec<String> {
         ));
     }
     lines
+}
+
+/// Writes what can be written: a reader that has gone away (`| head`) is no failure.
+pub fn write(stream: &mut dyn Write, text: &str) {
+    let _ = stream.write_all(text.as_bytes()).and_then(|()| stream.flush());
 }
 
 /// A number with 13 significant digits, without an exponent where that reads well.

@@ -264,36 +264,48 @@ impl Lattice {
     #[must_use]
     pub fn jacobians(&self, points: &[DVec3], displacement: &[DVec3], outside: Outside) -> Vec<DMat3> {
         assert_eq!(displacement.len(), self.control_count(), "one displacement for each control");
-        parallel::collect(points.len(), |v| {
-            let parameters = self.parameters(points[v]);
-            if outside == Outside::Keep && !self.is_inside(parameters) {
-                return DMat3::IDENTITY;
-            }
-            let mut starts = [0; 3];
-            let mut rows: [Vec<f64>; 3] = Default::default();
-            let mut slopes: [Vec<f64>; 3] = Default::default();
-            for a in 0..3 {
-                rows[a] = vec![0.0; self.bases[a].degree() + 1];
-                slopes[a] = rows[a].clone();
-                starts[a] = self.bases[a].row(parameters[a], &mut rows[a]);
-                self.bases[a].row_derivative(parameters[a], &mut slopes[a]);
-            }
-            let mut by_parameter = [DVec3::ZERO; 3];
-            for a in 0..rows[0].len() {
-                for b in 0..rows[1].len() {
-                    for c in 0..rows[2].len() {
-                        let d = displacement[self.index([starts[0] + a, starts[1] + b, starts[2] + c])];
-                        by_parameter[0] += d * (slopes[0][a] * rows[1][b] * rows[2][c]);
-                        by_parameter[1] += d * (rows[0][a] * slopes[1][b] * rows[2][c]);
-                        by_parameter[2] += d * (rows[0][a] * rows[1][b] * slopes[2][c]);
-                    }
+        let parts = parallel::map_chunks(points.len(), parallel::CHUNK, |range| {
+            let mut rows = [0, 1, 2].map(|a| vec![0.0; self.bases[a].degree() + 1]);
+            let mut slopes = rows.clone();
+            let jacobian = |p: &DVec3| self.jacobian(*p, displacement, outside, &mut rows, &mut slopes);
+            points[range].iter().map(jacobian).collect::<Vec<_>>()
+        });
+        parts.concat()
+    }
+
+    /// [`Lattice::jacobians`] at one point; `rows` and `slopes` are scratch space.
+    fn jacobian(
+        &self,
+        point: DVec3,
+        displacement: &[DVec3],
+        outside: Outside,
+        rows: &mut [Vec<f64>; 3],
+        slopes: &mut [Vec<f64>; 3],
+    ) -> DMat3 {
+        let parameters = self.parameters(point);
+        if outside == Outside::Keep && !self.is_inside(parameters) {
+            return DMat3::IDENTITY;
+        }
+        let mut starts = [0; 3];
+        for a in 0..3 {
+            starts[a] = self.bases[a].row(parameters[a], &mut rows[a]);
+            self.bases[a].row_derivative(parameters[a], &mut slopes[a]);
+        }
+        let mut by_parameter = [DVec3::ZERO; 3];
+        for a in 0..rows[0].len() {
+            for b in 0..rows[1].len() {
+                for c in 0..rows[2].len() {
+                    let d = displacement[self.index([starts[0] + a, starts[1] + b, starts[2] + c])];
+                    by_parameter[0] += d * (slopes[0][a] * rows[1][b] * rows[2][c]);
+                    by_parameter[1] += d * (rows[0][a] * slopes[1][b] * rows[2][c]);
+                    by_parameter[2] += d * (rows[0][a] * rows[1][b] * slopes[2][c]);
                 }
             }
-            // ∂W d/∂x = Σ_a (∂W d/∂u_a) ⊗ ∇u_a
-            (0..3).fold(DMat3::IDENTITY, |sum, a| {
-                let (column, gradient) = (by_parameter[a], self.inverse[a]);
-                sum + DMat3::from_cols(column * gradient.x, column * gradient.y, column * gradient.z)
-            })
+        }
+        // ∂(W d)/∂x = Σ_a ∂(W d)/∂u_a ⊗ ∇u_a
+        (0..3).fold(DMat3::IDENTITY, |sum, a| {
+            let (column, gradient) = (by_parameter[a], self.inverse[a]);
+            sum + DMat3::from_cols(column * gradient.x, column * gradient.y, column * gradient.z)
         })
     }
 }

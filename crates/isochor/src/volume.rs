@@ -175,7 +175,7 @@ impl Solid {
         let triangles: Vec<[u32; 3]> = all.into_iter().map(|(_, t)| t).collect();
 
         let (incident_starts, incident) = incidence(&triangles, vertices + caps.len());
-        let twins: Vec<[u32; 2]> = (0..).zip(welded).filter(|(v, w)| v != *w).map(|(v, &w)| [v, w]).collect();
+        let twins: Vec<[u32; 2]> = (0..).zip(welded).filter(|(v, w)| v != *w).map(|(v, &w)| [w, v]).collect();
         let mut has_twin = vec![false; vertices];
         twins.iter().flatten().for_each(|v: &u32| has_twin[*v as usize] = true);
         Ok(Self { vertices, triangles, components, caps, incident_starts, incident, twins, has_twin })
@@ -220,8 +220,7 @@ impl Solid {
     /// Panics where the number of points is not the number of vertices.
     #[must_use]
     pub fn volumes(&self, points: &[DVec3]) -> Volumes {
-        let points = self.with_apexes(points);
-        let origin = Bounds::of(&points).map_or(DVec3::ZERO, |b| b.lossless_origin());
+        let points = self.near_with_apexes(points);
         // Fixed chunks within each component.
         let chunks: Vec<(usize, Range<usize>)> = self
             .components
@@ -234,7 +233,7 @@ impl Solid {
         let parts = parallel::map(chunks.len(), |k| {
             let mut sum = Double::default();
             for t in &self.triangles[chunks[k].1.clone()] {
-                sum += determinant(t.map(|v| points[v as usize] - origin));
+                sum += determinant(t.map(|v| points[v as usize]));
             }
             sum
         });
@@ -267,7 +266,7 @@ impl Solid {
     /// Panics where the number of points is not the number of vertices.
     #[must_use]
     pub fn volume_gradient(&self, points: &[DVec3]) -> Vec<DVec3> {
-        let points = self.with_apexes(points);
+        let points = self.near_with_apexes(points);
         let normals = parallel::collect(self.triangles.len(), |t| doubled_area_vector(self.triangles[t], &points));
         let sixth = |v: usize| {
             let incident = &self.incident[self.incident_starts[v] as usize..self.incident_starts[v + 1] as usize];
@@ -290,7 +289,7 @@ impl Solid {
     /// Panics where the number of points is not the number of vertices.
     #[must_use]
     pub fn area(&self, points: &[DVec3]) -> f64 {
-        let points = self.with_apexes(points);
+        let points = self.near_with_apexes(points);
         let parts = parallel::map_chunks(self.triangles.len(), parallel::CHUNK, |range| {
             self.triangles[range].iter().map(|t| doubled_area_vector(*t, &points).length()).sum::<f64>()
         });
@@ -304,18 +303,20 @@ impl Solid {
         volume.abs() <= tolerances::NO_VOLUME * self.area(points) * extent
     }
 
-    /// The points, followed by the apexes of the caps.
-    fn with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
+    /// The points relative to an origin near them, which does not round, followed by the apexes of the caps.
+    fn near_with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
         assert_eq!(points.len(), self.vertices, "one point for each vertex of the solid");
-        if self.caps.is_empty() {
+        let origin = Bounds::of(points).map_or(DVec3::ZERO, |b| b.lossless_origin());
+        if self.caps.is_empty() && origin == DVec3::ZERO {
             return Cow::Borrowed(points);
         }
-        let origin = Bounds::of(points).map_or(DVec3::ZERO, |b| b.lossless_origin());
-        let apex = |cap: &Cap| {
-            let sum: DVec3 = cap.members.iter().map(|&v| points[v as usize] - origin).sum();
-            origin + sum / cap.members.len() as f64
-        };
-        Cow::Owned(points.iter().copied().chain(self.caps.iter().map(apex)).collect())
+        let mut near = Vec::with_capacity(points.len() + self.caps.len());
+        near.extend(points.iter().map(|p| *p - origin));
+        for cap in &self.caps {
+            let sum: DVec3 = cap.members.iter().map(|&v| near[v as usize]).sum();
+            near.push(sum / cap.members.len() as f64);
+        }
+        Cow::Owned(near)
     }
 }
 
