@@ -49,6 +49,10 @@ impl Pending {
             return Err(Failure::file(destination, "is a folder", "name a file in it"));
         }
         let folder = target.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
+        if !folder.is_dir() {
+            let what = format!("the folder {} does not exist", folder.display());
+            return Err(Failure::file(destination, what, "make the folder first, or choose another place"));
+        }
         let mut builder = tempfile::Builder::new();
         builder.prefix(".isochor-");
         #[cfg(unix)]

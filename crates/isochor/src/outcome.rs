@@ -253,7 +253,12 @@ impl Job {
         }
 
         on_stage(Stage::Bind);
-        let bounds = mesh.bounds().ok_or(SolidError::NoFaces)?;
+        let Some(bounds) = mesh.bounds() else {
+            return Err(JobError::Value {
+                key: "model",
+                problem: "has no vertices, so there is nothing to deform".into(),
+            });
+        };
         let (origin, extent) = (bounds.lossless_origin(), bounds.extent());
         let rest_points: Vec<DVec3> = mesh.points().iter().map(|p| *p - origin).collect();
         let near = Bounds { min: bounds.min - origin, max: bounds.max - origin };
@@ -628,12 +633,11 @@ fn bases(request: &LatticeRequest, warnings: &mut Vec<String>) -> Result<[Basis;
             basis
         } else {
             let size = size.map_or(SIZE, |s| s[a]);
-            let degree = if degree[a] >= size && size >= 2 && !is_bernstein {
-                warnings.push(format!("Along {axis}, {size} control points lower the degree to {}.", size - 1));
-                size - 1
-            } else {
-                degree[a]
-            };
+            let mut degree = degree[a];
+            if degree >= size && !is_bernstein {
+                degree = size.saturating_sub(1).max(1);
+                warnings.push(format!("Along {axis}, {size} control points lower the degree to {degree}."));
+            }
             match (is_bernstein, &request.knots) {
                 (true, _) => Basis::bernstein(size),
                 (false, Some(Knots::Rule(KnotRule::Uniform))) => Basis::uniform(size, degree),
