@@ -224,9 +224,10 @@ const EDIT_FLAGS: [&str; 9] = ["twist", "bend", "taper", "stretch", "rotate", "s
 /// Reads the command line; on bad usage, prints why and ends with exit code 2.
 pub fn parse() -> Cli {
     let matches = Cli::command().try_get_matches().unwrap_or_else(|error| {
-        if error.use_stderr() && std::env::args().any(|arg| arg == "--json") {
+        if error.use_stderr() && std::env::args_os().any(|arg| arg == "--json") {
             let text = error.to_string();
-            let what = text.lines().next().unwrap_or_default().trim_start_matches("error: ").to_owned();
+            let lines: Vec<&str> = text.lines().take_while(|line| !line.is_empty()).map(str::trim).collect();
+            let what = lines.join(" ").trim_start_matches("error: ").to_owned();
             Terminal::new(&OutputArgs { json: true, quiet: true, threads: None }).failure(&Failure::usage(
                 "command line",
                 what,

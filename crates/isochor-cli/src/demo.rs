@@ -113,7 +113,7 @@ impl Story {
         plain.output = Some(folder.join(format!("{name}-deformed.{extension}")));
         plain.report = None;
         plain.preserve.volume = VolumeTarget::Free;
-        deform(&Request::from_job(plain, false)?, terminal)?;
+        deform(&Request::from_job(plain, None, false)?, terminal)?;
         deform(&corrected, terminal)
     }
 }

@@ -44,7 +44,10 @@ impl Pending {
             Failure::file(destination, format!("cannot be written: {error}"), hint)
         };
         // A link keeps pointing to the file that is replaced.
-        let target = std::fs::canonicalize(destination).unwrap_or_else(|_| destination.to_path_buf());
+        let target = std::fs::canonicalize(destination).unwrap_or_else(|_| match std::fs::read_link(destination) {
+            Ok(link) => destination.parent().unwrap_or(Path::new("")).join(link),
+            Err(_) => destination.to_path_buf(),
+        });
         if target.is_dir() {
             return Err(Failure::file(destination, "is a folder", "name a file in it"));
         }

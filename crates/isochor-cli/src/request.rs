@@ -33,11 +33,11 @@ impl Request {
             None => Job::default(),
         };
         apply_flags(&mut job, args)?;
-        Self::from_job(job, args.in_place)
+        Self::from_job(job, args.job.as_deref(), args.in_place)
     }
 
-    /// The request of a job whose paths are relative to the working folder.
-    pub fn from_job(job: Job, in_place: bool) -> Result<Self, Failure> {
+    /// The request of a job whose paths are relative to the working folder, read from `job_file` if from any.
+    pub fn from_job(job: Job, job_file: Option<&Path>, in_place: bool) -> Result<Self, Failure> {
         let missing = |what: &str, hint: &str| Failure::usage("command line", format!("{what} is missing"), hint);
         let model = job.model.clone().ok_or_else(|| missing("the model", "name it: isochor deform MODEL -o OUT"))?;
         let output = if in_place { Some(model.clone()) } else { job.output.clone() };
@@ -56,12 +56,12 @@ impl Request {
             report,
             save_controls,
         };
-        request.check_paths(in_place)?;
+        request.check_paths(job_file, in_place)?;
         Ok(request)
     }
 
     /// Inputs are never overwritten, outputs never one another.
-    fn check_paths(&self, in_place: bool) -> Result<(), Failure> {
+    fn check_paths(&self, job_file: Option<&Path>, in_place: bool) -> Result<(), Failure> {
         let outputs = [("the report", &self.report), ("save-controls", &self.save_controls)];
         for (what, path) in outputs {
             let Some(path) = path else { continue };
@@ -75,6 +75,7 @@ impl Request {
             }
         }
         let mut taken: Vec<(&str, &Path)> = vec![("the model", &self.model)];
+        taken.extend(job_file.map(|path| ("the job file", path)));
         taken.extend(self.lattice_file.as_deref().map(|path| ("the lattice file", path)));
         let written = [("the output", Some(self.output.as_path()).filter(|_| !in_place))]
             .into_iter()

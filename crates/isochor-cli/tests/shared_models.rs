@@ -10,7 +10,8 @@ use isochor_io::{Document, Format, Place, ReadError, WriteOptions};
 use serde_json::Value;
 
 fn shared(path: &str) -> PathBuf {
-    PathBuf::from(option_env!("ISOCHOR_SHARED_DIR").expect("build.rs found the folder")).join("models").join(path)
+    let Some(folder) = option_env!("ISOCHOR_SHARED_DIR") else { panic!("build.rs found no folder") };
+    PathBuf::from(folder).join("models").join(path)
 }
 
 fn read(path: &str) -> Result<Document, ReadError> {

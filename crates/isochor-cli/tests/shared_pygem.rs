@@ -15,7 +15,8 @@ use isochor::{
 use serde_json::Value;
 
 fn shared(path: &str) -> PathBuf {
-    PathBuf::from(option_env!("ISOCHOR_SHARED_DIR").expect("build.rs found the folder")).join(path)
+    let Some(folder) = option_env!("ISOCHOR_SHARED_DIR") else { panic!("build.rs found no folder") };
+    PathBuf::from(folder).join(path)
 }
 
 fn text(path: &str) -> String {

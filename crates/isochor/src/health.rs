@@ -142,8 +142,9 @@ impl Health {
         if topology.collapsed_faces > 0 {
             warnings.push(format!("{} faces have fewer than three distinct corners.", topology.collapsed_faces));
         }
-        if topology.nonmanifold_edges > 0 {
-            warnings.push(format!("{} edges have more than two faces.", topology.nonmanifold_edges));
+        if let Some([a, b]) = topology.first_nonmanifold_edge {
+            let count = topology.nonmanifold_edges;
+            warnings.push(format!("Edges with more than two faces: {count}, the first from vertex {a} to vertex {b}."));
         }
         let welded_by_reader = source.vertices.saturating_sub(mesh.points().len());
         let health = Self {
@@ -186,7 +187,9 @@ fn judged(mesh: &Mesh, topology: &Topology, solid: &Solid) -> (Verdict, Option<V
     let mut warnings = Vec::new();
     if solid.cap_count() > 0 {
         warnings.push(format!(
-            "The model is open: {} boundary edges in {} loops. Volumes include {} virtual caps, which are never written.",
+            "The model is open: {} edges without counterpart ({} boundary edges in {} loops). Volumes include {} virtual \
+             caps, which are never written.",
+            topology.unbalanced.len(),
             topology.boundary_edges,
             topology.boundary_loops,
             solid.cap_count(),

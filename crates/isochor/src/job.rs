@@ -100,13 +100,35 @@ pub enum Fit {
 #[cfg_attr(
     feature = "serde",
     derive(serde::Deserialize),
-    serde(untagged, expecting = "one whole number or a list of three")
+    serde(try_from = "PerAxisForm<T>", bound = "T: serde::Deserialize<'de>")
 )]
 pub enum PerAxis<T> {
     /// The same along u, v, w.
     All(T),
     /// Along u, v, w.
     Each([T; 3]),
+}
+
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+#[serde(untagged, expecting = "expected one whole number of at least 0, or a list of three")]
+enum PerAxisForm<T> {
+    One(T),
+    List(Vec<T>),
+}
+
+#[cfg(feature = "serde")]
+impl<T> TryFrom<PerAxisForm<T>> for PerAxis<T> {
+    type Error = String;
+
+    fn try_from(form: PerAxisForm<T>) -> Result<Self, String> {
+        match form {
+            PerAxisForm::One(value) => Ok(Self::All(value)),
+            PerAxisForm::List(list) => <[T; 3]>::try_from(list)
+                .map(Self::Each)
+                .map_err(|list| format!("a list of {} numbers: there must be one number, or three", list.len())),
+        }
+    }
 }
 
 impl<T: Copy> PerAxis<T> {
@@ -219,11 +241,7 @@ pub struct Falloff {
 
 /// Directions to correct along.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Deserialize),
-    serde(untagged, expecting = "letters such as \"xy\" or a list of vectors")
-)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(try_from = "DirectionsForm"))]
 pub enum Directions {
     /// Coordinate axes by their letters.
     Letters(AxisLetters),
@@ -231,9 +249,28 @@ pub enum Directions {
     Vectors(Vec<DVec3>),
 }
 
+#[cfg(feature = "serde")]
+#[derive(serde::Deserialize)]
+#[serde(untagged, expecting = "expected letters such as \"xy\" or a list of vectors [x, y, z]")]
+enum DirectionsForm {
+    Letters(String),
+    Vectors(Vec<DVec3>),
+}
+
+#[cfg(feature = "serde")]
+impl TryFrom<DirectionsForm> for Directions {
+    type Error = ValueError;
+
+    fn try_from(form: DirectionsForm) -> Result<Self, ValueError> {
+        match form {
+            DirectionsForm::Letters(text) => AxisLetters::try_from(text).map(Self::Letters),
+            DirectionsForm::Vectors(vectors) => Ok(Self::Vectors(vectors)),
+        }
+    }
+}
+
 /// Axes x, y, z in an order, each at most once.
 #[derive(Clone, Debug, PartialEq, Eq)]
-#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(try_from = "String"))]
 pub struct AxisLetters(String);
 
 impl Default for AxisLetters {

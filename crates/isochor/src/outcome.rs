@@ -335,10 +335,11 @@ impl Job {
         })
     }
 
-    /// Whether nothing is to be deformed or reached.
+    /// Whether nothing is to be deformed and nothing asked of the volume.
     fn changes_nothing(&self) -> bool {
-        let asks_for_volume = !matches!(self.preserve.volume, VolumeTarget::Rest | VolumeTarget::Free);
-        self.lattice.is_none() && self.edit.is_empty() && !asks_for_volume
+        let is_default = |volume| self.preserve == Preserve { volume, ..Preserve::default() };
+        let asks_for_nothing = is_default(VolumeTarget::Rest) || is_default(VolumeTarget::Free);
+        self.lattice.is_none() && self.edit.is_empty() && asks_for_nothing
     }
 
     /// The lattice of the job, relative to `origin`.

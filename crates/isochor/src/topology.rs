@@ -24,6 +24,8 @@ pub struct Topology {
     pub boundary_loops: usize,
     /// Edges with more than two faces.
     pub nonmanifold_edges: usize,
+    /// The first of them: its welded vertices.
+    pub first_nonmanifold_edge: Option<[u32; 2]>,
     /// Edges with two faces that both run along it in the same direction.
     pub inconsistent_edges: usize,
     /// Vertices where the faces form more than one fan.
@@ -100,6 +102,7 @@ pub fn topology(mesh: &Mesh) -> Topology {
     let mut fans = DisjointSets::new(half_edges.len());
     let mut boundary = DisjointSets::new(vertices);
     let (mut edge_count, mut boundary_edges, mut nonmanifold_edges, mut inconsistent_edges) = (0, 0, 0, 0);
+    let mut first_nonmanifold_edge = None;
     let mut boundary_vertices = Vec::new();
     let mut unbalanced = Vec::new();
     for group in edges.groups(&half_edges) {
@@ -127,7 +130,10 @@ pub fn topology(mesh: &Mesh) -> Topology {
                     fans.union(a_next, b_next);
                 }
             }
-            _ => nonmanifold_edges += 1,
+            _ => {
+                nonmanifold_edges += 1;
+                first_nonmanifold_edge.get_or_insert([first.from.min(first.to), first.from.max(first.to)]);
+            }
         }
         let backward = group.len() - forward;
         if forward != backward {
@@ -183,6 +189,7 @@ pub fn topology(mesh: &Mesh) -> Topology {
         boundary_edges,
         boundary_loops: boundary_vertices.len(),
         nonmanifold_edges,
+        first_nonmanifold_edge,
         inconsistent_edges,
         nonmanifold_vertices: pinched.iter().filter(|p| **p).count(),
         unbalanced,

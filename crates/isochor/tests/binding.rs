@@ -136,7 +136,8 @@ proptest! {
         prop_assert_eq!((kept.kept_count(), kept.vertex_count()), (empty, 200));
         let unit = vec![1.0; kept.control_count()];
         for (v, sum) in kept.apply_scalar(&unit).into_iter().enumerate() {
-            prop_assert!((sum - if kept.weights(v).is_empty() { 0.0 } else { 1.0 }).abs() <= 1e-14);
+            let expected = f64::from(!kept.weights(v).is_empty());
+            prop_assert!((sum - expected).abs() <= 1e-14);
         }
     }
 }

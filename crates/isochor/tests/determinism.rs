@@ -29,7 +29,10 @@ fn everything(mesh: &Mesh) -> Vec<(&'static str, Vec<u64>)> {
     let volumes = solid.volumes(&posed);
     let jacobians = lattice.jacobians(mesh.points(), &displacement, Outside::Keep);
     let mut all = vec![
-        ("rows of W", (0..binding.vertex_count()).step_by(97).flat_map(|v| binding.weights(v)).map(|w| w.1.to_bits()).collect()),
+        (
+            "rows of W",
+            (0..binding.vertex_count()).step_by(97).flat_map(|v| binding.weights(v)).map(|w| w.1.to_bits()).collect(),
+        ),
         ("apply", vectors(&binding.apply(&displacement))),
         ("apply, some kept", vectors(&kept.apply(&displacement))),
         ("adjoint", vectors(&binding.adjoint(&gradient))),

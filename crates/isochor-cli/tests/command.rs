@@ -1,0 +1,982 @@
+//! The `isochor` command from end to end: every flag, every exit code, every file it writes.
+//!
+//! Models are those of `isochor demo`, so that nothing has to be there before.
+
+use std::collections::BTreeMap;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
+use std::process::{Command, Stdio};
+use std::sync::OnceLock;
+
+use glam::DVec3;
+use isochor::{Bounds, Health, Mesh, Source, shapes, topology};
+use isochor_io::{Document, Format, NumberType};
+use serde_json::Value;
+use tempfile::TempDir;
+
+/// Where the stories of the demo are, written once for all tests.
+fn demo() -> &'static Path {
+    static DEMO: OnceLock<PathBuf> = OnceLock::new();
+    DEMO.get_or_init(|| {
+        let folder = Path::new(env!("CARGO_TARGET_TMPDIR")).join("demo");
+        let status = Command::new(env!("CARGO_BIN_EXE_isochor")).args(["demo", "--quiet"]).arg(&folder).status();
+        assert!(status.unwrap().success());
+        folder
+    })
+}
+
+const STORIES: [(&str, &str); 4] = [("ball", "ply"), ("cube", "obj"), ("bottle", "stl"), ("ring", "ply")];
+
+/// The unit cube without its side at x = 1.
+const OPEN: &str = "v 0 0 0\nv 0 0 1\nv 0 1 0\nv 0 1 1\nv 1 0 0\nv 1 0 1\nv 1 1 0\nv 1 1 1\n\
+                    f 1 2 4 3\nf 1 5 6 2\nf 3 4 8 7\nf 1 3 7 5\nf 2 6 8 4\n";
+
+/// How a command ended.
+struct Ran {
+    code: Option<i32>,
+    stdout: String,
+    stderr: String,
+}
+
+impl Ran {
+    fn json(&self) -> Value {
+        serde_json::from_str(&self.stdout).unwrap_or_else(|error| panic!("{error}: {} {}", self.stdout, self.stderr))
+    }
+
+    fn succeeded(self) -> Self {
+        assert_eq!(self.code, Some(0), "{} {}", self.stdout, self.stderr);
+        self
+    }
+}
+
+/// The folder of one test, with models in it.
+struct Folder(TempDir);
+
+impl Folder {
+    fn new() -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        for (name, extension) in STORIES {
+            let file = format!("{name}.{extension}");
+            std::fs::copy(demo().join(&file), folder.path(&file)).unwrap();
+        }
+        folder.write("open.obj", OPEN);
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn write(&self, name: &str, text: impl AsRef<[u8]>) {
+        std::fs::write(self.path(name), text).unwrap();
+    }
+
+    fn bytes(&self, name: &str) -> Vec<u8> {
+        std::fs::read(self.path(name)).unwrap_or_else(|error| panic!("{name}: {error}"))
+    }
+
+    fn json(&self, name: &str) -> Value {
+        serde_json::from_slice(&self.bytes(name)).unwrap()
+    }
+
+    fn document(&self, name: &str) -> Document {
+        Document::parse(self.bytes(name), Format::from_path(name.as_ref()).unwrap()).unwrap()
+    }
+
+    fn points(&self, name: &str) -> Vec<DVec3> {
+        self.document(name).mesh().points().to_vec()
+    }
+
+    /// Everything in the folder, by name; folders without what is in them.
+    fn contents(&self) -> BTreeMap<OsString, Vec<u8>> {
+        let entries = std::fs::read_dir(self.0.path()).unwrap().map(Result::unwrap);
+        entries.map(|e| (e.file_name(), std::fs::read(e.path()).unwrap_or_default())).collect()
+    }
+
+    fn command(&self) -> Command {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isochor"));
+        command.current_dir(self.0.path()).env_remove("RAYON_NUM_THREADS");
+        command
+    }
+
+    /// Runs `isochor` in the folder with the words of a line; single quotes hold words together.
+    fn isochor(&self, line: &str) -> Ran {
+        let mut command = self.command();
+        for (i, part) in line.split('\'').enumerate() {
+            if i % 2 == 1 {
+                command.arg(part);
+            } else {
+                command.args(part.split_whitespace());
+            }
+        }
+        ran(&mut command)
+    }
+
+    /// The JSON report of a deformation that succeeds.
+    fn report(&self, line: &str) -> Value {
+        self.isochor(&format!("deform --json --quiet {line}")).succeeded().json()
+    }
+}
+
+fn ran(command: &mut Command) -> Ran {
+    let output = command.output().unwrap();
+    let text = |bytes| String::from_utf8(bytes).unwrap();
+    Ran { code: output.status.code(), stdout: text(output.stdout), stderr: text(output.stderr) }
+}
+
+/// The volume of a mesh, caps included.
+fn volume(mesh: &Mesh) -> f64 {
+    Health::of(mesh, &topology(mesh), &Source::of(mesh)).0.volume.unwrap().total
+}
+
+fn number(report: &Value, key: &str) -> f64 {
+    report["volume"][key].as_f64().unwrap_or_else(|| panic!("no number {key} in {report}"))
+}
+
+fn keys(value: &Value) -> Vec<&str> {
+    value.as_object().unwrap().keys().map(String::as_str).collect()
+}
+
+fn assert_has(value: &Value, expected: &[&str]) {
+    for key in expected {
+        assert!(value.get(key).is_some(), "no {key} in {:?}", keys(value));
+    }
+}
+
+/// The longest distance between points of the same number, in extents of the first.
+fn farthest(a: &[DVec3], b: &[DVec3]) -> f64 {
+    assert_eq!(a.len(), b.len());
+    a.iter().zip(b).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max) / Bounds::of(a).unwrap().extent()
+}
+
+// The demo, help, pages
+
+#[test]
+fn demo_writes_what_its_readme_says() {
+    let folder = TempDir::new().unwrap();
+    let folder = Folder(folder);
+    let ran = folder.isochor("demo --json stories").succeeded();
+    let readme = std::fs::read_to_string(folder.path("stories/README.txt")).unwrap();
+    let mut expected = vec!["README.txt".to_owned(), "demo.json".into()];
+    for (name, extension) in STORIES {
+        assert!(readme.contains(&format!("\n{name}: ")), "{readme}");
+        expected.extend(["", "-deformed", "-corrected"].map(|suffix| format!("{name}{suffix}.{extension}")));
+        expected.extend([format!("{name}.toml"), format!("{name}-report.json")]);
+        let report = folder.json(&format!("stories/{name}-report.json"));
+        assert!(number(&report, "relative_error") <= 1e-13, "{name}: {report}");
+        assert!(ran.stderr.contains(&format!("{name}: ")), "{}", ran.stderr);
+
+        // The plain deformation has the posed volume, the corrected one what is said of it.
+        let tolerance = if extension == "stl" { 1e-6 } else { 1e-13 };
+        for (file, key) in [("deformed", "posed"), ("corrected", "final"), ("corrected", "written")] {
+            let found = volume(folder.document(&format!("stories/{name}-{file}.{extension}")).mesh());
+            assert!((found / number(&report, key) - 1.0).abs() <= tolerance, "{name}: {key}");
+        }
+    }
+    expected.sort();
+    let mut found: Vec<String> = std::fs::read_dir(folder.path("stories"))
+        .unwrap()
+        .map(|entry| entry.unwrap().file_name().into_string().unwrap())
+        .collect();
+    found.sort();
+    assert_eq!(found, expected);
+    assert_eq!(ran.json(), folder.json("stories/demo.json"));
+}
+
+#[test]
+fn jobs_of_the_demo_run_again_and_give_the_same_bytes() {
+    let folder = Folder(TempDir::new().unwrap());
+    folder.isochor("demo --quiet").succeeded();
+    for (name, extension) in STORIES {
+        let output = format!("isochor-demo/{name}-corrected.{extension}");
+        let before = folder.bytes(&output);
+        std::fs::remove_file(folder.path(&output)).unwrap();
+        folder.isochor(&format!("deform --job isochor-demo/{name}.toml")).succeeded();
+        assert!(folder.bytes(&output) == before, "{name}");
+    }
+}
+
+#[test]
+fn help_has_examples_for_every_command() {
+    let folder = Folder::new();
+    let help = folder.isochor("--help").succeeded().stdout;
+    for command in ["demo", "info", "deform", "completions", "man"] {
+        assert!(help.contains(&format!("\n  {command} ")), "{help}");
+        for line in [format!("help {command}"), format!("{command} --help")] {
+            let help = folder.isochor(&line).succeeded().stdout;
+            assert!(help.contains("Examples:\n  isochor "), "{line}: {help}");
+        }
+    }
+    let version = folder.isochor("--version").succeeded().stdout;
+    assert_eq!(version.trim(), concat!("isochor ", env!("CARGO_PKG_VERSION")));
+}
+
+#[test]
+fn every_flag_in_the_help_stands_in_a_test() {
+    let help = Folder::new().isochor("deform --help").succeeded().stdout;
+    let flags = help.split(|c: char| !(c.is_ascii_lowercase() || c == '-')).filter(|word| word.starts_with("--"));
+    let tests = include_str!("command.rs");
+    let is_tested = |flag: &str| {
+        tests
+            .match_indices(flag)
+            .any(|(at, _)| !tests[at + flag.len()..].starts_with(|c: char| c.is_ascii_lowercase() || c == '-'))
+    };
+    let untested: Vec<&str> = flags.filter(|flag| !is_tested(flag)).collect();
+    assert!(untested.is_empty(), "{untested:?}");
+}
+
+#[test]
+fn completions_name_the_commands() {
+    let folder = Folder::new();
+    for shell in ["bash", "zsh", "fish"] {
+        let text = folder.isochor(&format!("completions {shell}")).succeeded().stdout;
+        for command in ["demo", "info", "deform", "completions", "man"] {
+            assert!(text.contains(command), "{shell}: no {command}");
+        }
+        assert!(text.contains("lattice-file") && text.contains("save-controls"), "{shell}");
+    }
+    assert_eq!(folder.isochor("completions tcl").code, Some(2));
+}
+
+#[test]
+fn manual_pages_name_the_commands() {
+    let folder = Folder::new();
+    let page = folder.isochor("man").succeeded().stdout;
+    assert!(page.contains(".TH isochor 1"), "{page}");
+    folder.isochor("man pages").succeeded();
+    for command in ["demo", "info", "deform", "completions", "man"] {
+        assert!(page.contains(command), "no {command} in {page}");
+        let page = String::from_utf8(folder.bytes(&format!("pages/isochor-{command}.1"))).unwrap();
+        assert!(page.contains(".TH isochor\\-") || page.contains(".TH isochor-"), "{page}");
+    }
+    let deform = String::from_utf8(folder.bytes("pages/isochor-deform.1")).unwrap();
+    assert!(deform.contains("lattice") && deform.contains("Exit codes"), "{deform}");
+    assert!(folder.path("pages/isochor.1").is_file());
+}
+
+// What is printed
+
+#[test]
+fn info_tells_the_health_of_a_model() {
+    let folder = Folder::new();
+    let text = folder.isochor("info ring.ply").succeeded();
+    for word in ["ring.ply", "preserved exactly", "genus", "4608"] {
+        assert!(text.stdout.contains(word) || text.stderr.contains(word), "no {word}");
+    }
+    let health = folder.isochor("info --json ring.ply").succeeded().json();
+    assert_has(
+        &health,
+        &[
+            "format",
+            "vertices",
+            "faces",
+            "triangles",
+            "components",
+            "boundary_edges",
+            "boundary_loops",
+            "nonmanifold_edges",
+            "closed",
+            "oriented",
+            "balanced",
+            "zero_area_faces",
+            "unused_vertices",
+            "coincident_vertices",
+            "genus",
+            "bounds",
+            "area",
+            "volume",
+            "verdict",
+            "warnings",
+        ],
+    );
+    assert_eq!((&health["format"], &health["genus"], &health["verdict"]), (&"ply".into(), &1.into(), &"ok".into()));
+    assert_eq!((&health["vertices"], &health["triangles"]), (&4608.into(), &9216.into()));
+    let expected = volume(&shapes::uv_torus(1.0, 0.3, 96, 48));
+    assert!((health["volume"]["total"].as_f64().unwrap() / expected - 1.0).abs() <= 1e-15);
+    assert_eq!(health["volume"]["components"].as_array().unwrap().len(), 1);
+
+    let open = folder.isochor("info --json open.obj").succeeded().json();
+    assert_eq!((&open["verdict"], &open["boundary_edges"]), (&"capped".into(), &4.into()));
+    assert!(open["warnings"][0].as_str().unwrap().contains("open"), "{open}");
+}
+
+#[test]
+fn a_report_has_the_fields_that_programs_rely_on() {
+    let folder = Folder::new();
+    let ran = folder.isochor("deform ball.ply -o out.ply --twist z=90 --json").succeeded();
+    let report = ran.json();
+    assert_has(&report, &["version", "model", "volume", "correction", "folds", "timings_ms", "warnings"]);
+    assert_has(&report["model"], &["format", "vertices", "genus", "verdict", "volume"]);
+    let row = ["rest", "posed", "target", "final", "written", "relative_error"];
+    assert_has(&report["volume"], &row);
+    assert_has(&report["volume"], &["components"]);
+    assert_has(&report["volume"]["components"][0], &row);
+    assert_has(
+        &report["correction"],
+        &[
+            "method",
+            "status",
+            "iterations",
+            "max_displacement",
+            "max_displacement_relative",
+            "rms_displacement",
+            "rms_displacement_relative",
+        ],
+    );
+    assert!(!keys(&report["timings_ms"]).is_empty());
+    assert_eq!(report["version"], env!("CARGO_PKG_VERSION"));
+    assert!(ran.stderr.contains("wrote out.ply"), "people are told as well: {}", ran.stderr);
+    let extent = 2.0; // of the unit ball
+    let displacement = |key: &str| report["correction"][key].as_f64().unwrap();
+    assert!((displacement("max_displacement") / extent / displacement("max_displacement_relative") - 1.0).abs() < 1e-9);
+}
+
+#[test]
+fn quiet_prints_nothing() {
+    let folder = Folder::new();
+    for line in [
+        "deform ball.ply -o out.ply --twist z=90 --quiet",
+        "-q deform open.obj -o out.obj --stretch z=0.5",
+        "demo --quiet stories",
+    ] {
+        let ran = folder.isochor(line).succeeded();
+        assert_eq!((ran.stdout.as_str(), ran.stderr.as_str()), ("", ""), "{line}");
+    }
+    let failed = folder.isochor("deform nowhere.ply -o out.ply --quiet");
+    assert_eq!(failed.stdout, "");
+    assert!(failed.stderr.starts_with("error: "), "errors are told nevertheless: {}", failed.stderr);
+    let failed = folder.isochor("deform nowhere.ply -o out.ply --quiet --json");
+    assert_eq!((failed.stderr.as_str(), failed.code), ("", Some(2)), "once is enough");
+    assert_eq!(failed.json()["error"]["code"], "file");
+}
+
+#[test]
+fn quiet_info_prints_nothing_but_json_that_is_asked_for() {
+    let folder = Folder::new();
+    let ran = folder.isochor("info --quiet --json ball.ply").succeeded();
+    assert_eq!((&ran.json()["verdict"], ran.stderr.as_str()), (&"ok".into(), ""));
+    let ran = folder.isochor("info --quiet ball.ply").succeeded();
+    assert_eq!((ran.stdout.as_str(), ran.stderr.as_str()), ("", ""));
+}
+
+#[test]
+fn output_that_nobody_reads_does_not_crash_the_command() {
+    let folder = Folder::new();
+    for line in
+        ["info ball.ply", "info --json ball.ply", "deform --json ball.ply -o out.ply", "man", "completions bash"]
+    {
+        let (reader, writer) = std::io::pipe().unwrap();
+        drop(reader);
+        let child = folder.command().args(line.split(' ')).stdout(writer).stderr(Stdio::piped()).spawn().unwrap();
+        let output = child.wait_with_output().unwrap();
+        let stderr = String::from_utf8_lossy(&output.stderr);
+        assert!(!stderr.contains("panicked") && output.status.code() != Some(101), "{line}: {stderr}");
+    }
+}
+
+// Flags
+
+/// What all flags below are added to, and compared with.
+const TWIST: &str = "cube.obj --twist z=90";
+
+#[test]
+fn flags_change_the_result() {
+    let folder = Folder::new();
+    folder.report(&format!("{TWIST} -o base.obj"));
+    let mut results = vec![("", folder.bytes("base.obj"))];
+    for flags in [
+        "--lattice 5",
+        "--lattice 4x5x6",
+        "--basis bernstein",
+        "--degree 2",
+        "--degree 1,2,3",
+        "--knots uniform",
+        "--margin 0.25",
+        "--twist x=10",
+        "--bend z=45",
+        "--bend z=45,-x",
+        "--taper z=0.5",
+        "--stretch z=0.5",
+        "--rotate x=30",
+        "--scale 1.2",
+        "--scale 1,1,-2",
+        "--move k=5:0,0,-0.4",
+        "--move 'i=0,5 k=2:0.1,0,0'",
+        "--noise 0.05",
+        "--noise 0.05,7",
+        "--edit 'twist = { axis = \"z\", degrees = 90, range = [0.5, 1] }'",
+        "--preserve x",
+        "--preserve xy",
+        "--preserve yx",
+        "--preserve free",
+        "--preserve xy --shares 1,2",
+        "--volume 120%",
+        "--volume 0.5",
+        "--pin k=0",
+        "--pin 'i=0,5 k=2'",
+        "--falloff 0:0.3",
+    ] {
+        let report = folder.report(&format!("{TWIST} -o out.obj {flags}"));
+        if flags != "--preserve free" {
+            assert!(number(&report, "relative_error") <= 1e-13, "{flags}: {report}");
+        }
+        results.push((flags, folder.bytes("out.obj")));
+    }
+    for (i, (flags, bytes)) in results.iter().enumerate() {
+        for (others, other) in &results[..i] {
+            assert!(bytes != other, "\"{flags}\" gives what \"{others}\" gives");
+        }
+    }
+}
+
+#[test]
+fn defaults_spelled_out_change_nothing() {
+    let folder = Folder::new();
+    folder.report(&format!("{TWIST} --output base.obj"));
+    for flags in [
+        "--lattice 6x6x6 --basis bspline --degree 3 --knots clamped --margin 0",
+        "--outside keep",
+        "--outside extend",
+        "--preserve gradient",
+        "--volume rest",
+        "--volume 100%",
+        "--open cap",
+        "--open refuse",
+        "--precision file",
+        "--precision f64",
+        "--threads 3",
+    ] {
+        folder.report(&format!("{TWIST} -o out.obj {flags}"));
+        assert!(folder.bytes("out.obj") == folder.bytes("base.obj"), "{flags}");
+    }
+}
+
+#[test]
+fn volumes_come_out_as_asked_for() {
+    let folder = Folder::new();
+    // The unit cube at half its height holds 0.5.
+    for (wanted, expected) in [
+        ("rest", 1.0),
+        ("120%", 1.2),
+        ("0.25", 0.25),
+        ("95%..105%", 0.95),
+        ("10%..40%", 0.4),
+        ("40%..60%", 0.5),
+        ("..0.3", 0.3),
+        ("0.7..", 0.7),
+        ("free", 0.5),
+    ] {
+        let report = folder.report(&format!("cube.obj -o out.obj --stretch z=0.5 --volume {wanted}"));
+        assert!((number(&report, "posed") - 0.5).abs() <= 1e-15, "{wanted}");
+        for key in ["final", "written"] {
+            assert!((number(&report, key) / expected - 1.0).abs() <= 1e-13, "{wanted}: {report}");
+        }
+        assert!((volume(folder.document("out.obj").mesh()) / expected - 1.0).abs() <= 1e-13, "{wanted}");
+        let status = if wanted == "free" {
+            "not-asked"
+        } else if expected == 0.5 {
+            "already-met"
+        } else {
+            "exact"
+        };
+        assert_eq!(report["correction"]["status"], status, "{wanted}");
+    }
+    folder.report("cube.obj -o free.obj --stretch z=0.5 --preserve free");
+    folder.report("cube.obj -o asked.obj --stretch z=0.5 --volume free");
+    assert_eq!(folder.bytes("free.obj"), folder.bytes("asked.obj"));
+}
+
+#[test]
+fn a_volume_can_be_asked_for_without_an_edit() {
+    let folder = Folder::new();
+    let report = folder.report("ball.ply -o out.ply --volume 50%");
+    assert!((number(&report, "written") / number(&report, "rest") - 0.5).abs() <= 1e-13);
+}
+
+#[test]
+fn axes_that_are_not_named_keep_their_coordinates() {
+    let folder = Folder::new();
+    folder.report("ball.ply -o free.ply --twist z=90 --stretch y=0.5 --preserve free");
+    folder.report("ball.ply -o out.ply --twist z=90 --stretch y=0.5 --preserve xy");
+    for (free, out) in folder.points("free.ply").iter().zip(folder.points("out.ply")) {
+        assert_eq!(free.z, out.z);
+    }
+    folder.report("ball.ply -o shares.ply --twist z=90 --stretch y=0.5 --preserve xy --shares 0,3");
+    for (free, out) in folder.points("free.ply").iter().zip(folder.points("shares.ply")) {
+        assert_eq!((free.x, free.z), (out.x, out.z));
+    }
+}
+
+#[test]
+fn pinned_control_points_stay() {
+    let folder = Folder::new();
+    folder.report("cube.obj -o out.obj --move k=5:0,0,0.5 --pin k=0 --save-controls controls.json");
+    let (before, after) = (folder.points("cube.obj"), folder.points("out.obj"));
+    let bottom = before.iter().zip(&after).filter(|(before, _)| before.z == 0.0);
+    assert!(bottom.clone().count() > 1000 && bottom.clone().all(|(before, after)| before == after));
+    let controls = folder.json("controls.json");
+    for (i, j) in (0..6).flat_map(|i| (0..6).map(move |j| (i, j))) {
+        let [rest, posed] = ["rest", "posed"].map(|key| &controls[key][i][j]);
+        assert_eq!(rest[0], posed[0]);
+        assert_ne!(rest[5], posed[5]);
+    }
+}
+
+#[test]
+fn falloff_corrects_near_its_vertex() {
+    let folder = Folder::new();
+    folder.report("cube.obj -o free.obj --stretch z=0.9 --preserve free");
+    folder.report("cube.obj -o out.obj --stretch z=0.9 --falloff 0:0.1 --volume 92%");
+    let rest = folder.points("cube.obj");
+    let moved: Vec<f64> =
+        folder.points("free.obj").iter().zip(folder.points("out.obj")).map(|(a, b)| a.distance(b)).collect();
+    let most = |near: bool| {
+        let vertices = (0..rest.len()).filter(|&v| (rest[v].distance(rest[0]) < 0.5) == near);
+        vertices.map(|v| moved[v]).fold(0.0, f64::max)
+    };
+    assert!(most(true) > 10.0 * most(false), "{} and {}", most(true), most(false));
+}
+
+#[test]
+fn vertices_outside_are_kept_or_carried_along() {
+    let folder = Folder::new();
+    // The lattice reaches to ±0.8 of the unit ball.
+    let report = folder.report("ball.ply -o kept.ply --margin -0.1 --rotate z=20 --preserve free");
+    let warnings = report["warnings"].to_string();
+    assert!(warnings.contains("stay where they are"), "{warnings}");
+    folder.report("ball.ply -o carried.ply --margin=-0.1 --rotate z=20 --outside extend --preserve free");
+    let (rest, kept, carried) = (folder.points("ball.ply"), folder.points("kept.ply"), folder.points("carried.ply"));
+    let mut outside = 0;
+    for v in 0..rest.len() {
+        let is_outside = rest[v].abs().max_element() > 0.8 + 1e-8;
+        outside += usize::from(is_outside);
+        assert_eq!(kept[v] == rest[v], is_outside, "vertex {v} at {}", rest[v]);
+        let turned = glam::DMat3::from_rotation_z(20f64.to_radians()) * rest[v];
+        assert!(carried[v].distance(turned) <= 1e-14, "vertex {v} at {}", rest[v]);
+    }
+    assert!(outside > 100);
+    let report = folder.report("ball.ply -o exact.ply --margin -0.1 --stretch z=0.7");
+    assert!(number(&report, "relative_error") <= 1e-13);
+}
+
+#[test]
+fn edits_act_in_the_order_in_which_they_are_typed() {
+    let folder = Folder::new();
+    folder.report("cube.obj -o ab.obj --stretch z=0.5 --rotate x=30 --preserve free");
+    folder.report("cube.obj -o ba.obj --rotate x=30 --stretch z=0.5 --preserve free");
+    assert!(farthest(&folder.points("ab.obj"), &folder.points("ba.obj")) > 0.01);
+
+    folder.report(
+        "cube.obj -o line.obj --stretch z=0.5 --rotate x=30 --move k=0:0,0,-0.1 --stretch z=1.5 --noise 0.01,3",
+    );
+    folder.write(
+        "job.toml",
+        r#"model = "cube.obj"
+output = "job.obj"
+[[edit]]
+stretch = { axis = "z", scale = 0.5 }
+[[edit]]
+rotate = { axis = "x", degrees = 30 }
+[[edit]]
+move = { nodes = { k = 0 }, by = [0, 0, -0.1], unit = "extent" }
+[[edit]]
+stretch = { axis = "z", scale = 1.5 }
+[[edit]]
+noise = { amplitude = 0.01, seed = 3 }
+"#,
+    );
+    folder.report("--job job.toml");
+    assert!(folder.bytes("line.obj") == folder.bytes("job.obj"));
+}
+
+#[test]
+fn threads_do_not_change_a_byte() {
+    let folder = Folder::new();
+    for threads in [1, 2] {
+        for (name, extension) in STORIES {
+            let files = format!("-o {name}-{threads}.{extension} --save-controls {name}-{threads}.json");
+            folder.report(&format!("{name}.{extension} {files} --twist z=70 --bend x=30 --threads {threads}"));
+        }
+    }
+    for (name, extension) in STORIES {
+        for extension in [extension, "json"] {
+            let [one, two] = [1, 2].map(|threads| folder.bytes(&format!("{name}-{threads}.{extension}")));
+            assert!(one == two, "{name}.{extension}");
+        }
+    }
+}
+
+// Jobs
+
+#[test]
+fn paths_of_a_job_are_relative_to_its_folder() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("sub")).unwrap();
+    folder.write(
+        "sub/job.toml",
+        "model = \"../cube.obj\"\noutput = \"out.obj\"\nreport = \"report.json\"\nsave_controls = \"controls.json\"\n\
+         [[edit]]\ntwist = { axis = \"z\", degrees = 90 }\n",
+    );
+    folder.isochor("deform --job sub/job.toml").succeeded();
+    folder.report(&format!("{TWIST} -o out.obj"));
+    assert!(folder.bytes("sub/out.obj") == folder.bytes("out.obj"));
+    assert!(number(&folder.json("sub/report.json"), "relative_error") <= 1e-13);
+    assert_eq!(folder.json("sub/controls.json")["kind"], "lattice");
+
+    folder.write(
+        "sub/again.json",
+        r#"{ "model": "../cube.obj", "output": "again.obj", "lattice": { "file": "controls.json" },
+             "preserve": { "volume": "free" } }"#,
+    );
+    folder.isochor("deform --job sub/again.json").succeeded();
+    assert!(farthest(&folder.points("sub/again.obj"), &folder.points("out.obj")) <= 1e-14);
+    assert_eq!(std::fs::read_dir(folder.path("sub")).unwrap().count(), 6);
+}
+
+#[test]
+fn flags_override_a_job_and_add_to_its_edits() {
+    let folder = Folder::new();
+    folder.write(
+        "job.toml",
+        "model = \"ball.ply\"\noutput = \"never.ply\"\nreport = \"never.json\"\n[lattice]\nsize = 4\ndegree = 2\n\
+         [[edit]]\nstretch = { axis = \"z\", scale = 0.7 }\n[preserve]\nvolume = \"150%\"\naxes = \"xy\"\n",
+    );
+    folder.report(
+        "cube.obj --job job.toml -o job.obj --report job-report.json --lattice 5 --twist z=45 --volume 80% \
+         --preserve gradient",
+    );
+    folder.report("cube.obj -o flags.obj --lattice 5 --degree 2 --stretch z=0.7 --twist z=45 --volume 80%");
+    assert!(folder.bytes("job.obj") == folder.bytes("flags.obj"));
+    assert!(folder.path("job-report.json").exists());
+    assert!(!folder.path("never.ply").exists() && !folder.path("never.json").exists());
+}
+
+// Files
+
+#[test]
+fn reports_and_controls_are_written_to_files() {
+    let folder = Folder::new();
+    let printed =
+        folder.report("bottle.stl -o out.stl --taper z=0.8 --report report.json --save-controls controls.json");
+    assert_eq!(folder.json("report.json"), printed);
+    let controls = folder.json("controls.json");
+    assert_has(&controls, &["kind", "version", "basis", "degree", "knots", "frame", "rest", "posed"]);
+    assert_eq!((&controls["basis"], &controls["degree"]), (&"bspline".into(), &vec![3, 3, 3].into()));
+    assert_eq!(controls["posed"][5][5].as_array().unwrap().len(), 6);
+}
+
+#[test]
+fn saved_controls_give_the_same_vertices_again() {
+    let folder = Folder::new();
+    for (flags, name) in [
+        ("--lattice 5x4x6 --margin 0.1", "clamped"),
+        ("--knots uniform --degree 2", "uniform"),
+        ("--basis bernstein --lattice 4", "bernstein"),
+    ] {
+        let controls = format!("{name}.json");
+        let edits = "--twist z=120 --bend x=30,z";
+        folder.report(&format!("ball.ply -o out.ply {flags} {edits} --save-controls {controls}"));
+        folder.report(&format!("ball.ply -o again.ply --lattice-file {controls} --preserve free"));
+        let apart = farthest(&folder.points("out.ply"), &folder.points("again.ply"));
+        assert!(apart <= 1e-14, "{name}: {apart:e}");
+        assert!(farthest(&folder.points("ball.ply"), &folder.points("again.ply")) > 0.1);
+    }
+    let report = folder.report("ball.ply -o more.ply --lattice-file clamped.json --outside extend --stretch z=0.5");
+    assert!(number(&report, "relative_error") <= 1e-13, "edits act on the pose of a file");
+}
+
+#[test]
+fn a_model_comes_back_byte_for_byte_where_nothing_is_asked() {
+    let folder = Folder::new();
+    folder.write("odd.obj", "# by hand\r\nv 0 0 0 1\r\nv 1.50 0 0\nv +0 1e0 0\n\no it\nf 1// 2// \\\n3//\n#end");
+    for model in ["ball.ply", "cube.obj", "bottle.stl", "odd.obj"] {
+        let copy = format!("copy-{model}");
+        folder.report(&format!("{model} -o {copy}"));
+        assert!(folder.bytes(model) == folder.bytes(&copy), "{model}");
+    }
+    folder.report("ball.ply -o lattice.ply --lattice 4");
+    assert!(folder.bytes("ball.ply") == folder.bytes("lattice.ply"), "a lattice at rest moves nothing");
+}
+
+#[test]
+fn a_model_can_be_replaced_in_place() {
+    let folder = Folder::new();
+    folder.report("ball.ply -o expected.ply --twist z=90");
+    let names = |folder: &Folder| folder.contents().into_keys().collect::<Vec<_>>();
+    let before = names(&folder);
+    folder.report("ball.ply --in-place --twist z=90");
+    assert!(folder.bytes("ball.ply") == folder.bytes("expected.ply"));
+    assert_eq!(names(&folder), before, "nothing else is left behind");
+}
+
+#[cfg(unix)]
+#[test]
+fn output_goes_through_a_link_and_keeps_permissions() {
+    use std::os::unix::fs::{PermissionsExt, symlink};
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("far")).unwrap();
+    folder.write("far/target.ply", "old");
+    std::fs::set_permissions(folder.path("far/target.ply"), std::fs::Permissions::from_mode(0o640)).unwrap();
+    symlink("far/target.ply", folder.path("link.ply")).unwrap();
+    folder.report("ball.ply -o link.ply --twist z=90");
+    assert!(std::fs::symlink_metadata(folder.path("link.ply")).unwrap().is_symlink());
+    folder.report("ball.ply -o out.ply --twist z=90");
+    assert!(folder.bytes("far/target.ply") == folder.bytes("out.ply"));
+    let mode = |name: &str| std::fs::metadata(folder.path(name)).unwrap().permissions().mode() & 0o777;
+    assert_eq!(mode("far/target.ply"), 0o640);
+    folder.write("new", "");
+    assert_eq!(mode("out.ply"), mode("new"), "a new file is as any other");
+
+    symlink("ball.ply", folder.path("same.ply")).unwrap();
+    let before = folder.bytes("ball.ply");
+    assert_eq!(folder.isochor("deform ball.ply -o same.ply --twist z=90").code, Some(2));
+    assert!(folder.bytes("ball.ply") == before, "a link to the model is the model");
+}
+
+#[test]
+fn conversion_keeps_the_volume() {
+    let folder = Folder::new();
+    let rest = volume(folder.document("cube.obj").mesh());
+    let report = folder.report("cube.obj -o a.ply");
+    assert!(report["warnings"].to_string().contains("converted from obj to ply"), "{report}");
+    folder.report("a.ply -o b.stl");
+    folder.report("b.stl -o c.obj --precision f64");
+    for (name, tolerance) in [("a.ply", 0.0), ("b.stl", 1e-7), ("c.obj", 1e-7)] {
+        let found = volume(folder.document(name).mesh());
+        assert!((found / rest - 1.0).abs() <= tolerance, "{name}: {found}");
+    }
+    let report = folder.report("cube.obj -o d.stl --twist z=90 --volume 150%");
+    assert!((number(&report, "final") / rest - 1.5).abs() <= 1e-13);
+    assert!((number(&report, "written") / rest - 1.5).abs() <= 1e-6);
+    let found = volume(folder.document("d.stl").mesh());
+    assert!((found / number(&report, "written") - 1.0).abs() <= 1e-13, "{found}");
+}
+
+#[test]
+fn precision_f64_writes_what_floats_cannot_hold() {
+    let folder = Folder::new();
+    let ring = Document::from_mesh(&shapes::uv_torus(1.0, 0.3, 48, 24), Format::Ply, NumberType::F32).unwrap();
+    folder.write("float.ply", ring.bytes());
+    let error = |report: &Value| (number(report, "written") / number(report, "target") - 1.0).abs();
+    let report = folder.report("float.ply -o float-out.ply --twist x=90 --precision file");
+    assert!((1e-13..1e-6).contains(&error(&report)), "{report}");
+    let report = folder.report("float.ply -o double.ply --twist x=90 --precision f64");
+    assert!(error(&report) <= 1e-13, "{report}");
+    assert_eq!(folder.document("float-out.ply").number_type(), NumberType::F32);
+    let double = folder.document("double.ply");
+    assert_eq!(double.number_type(), NumberType::F64);
+    assert!((volume(double.mesh()) / number(&report, "written") - 1.0).abs() <= 1e-15);
+}
+
+// Failures
+
+/// Runs a line that must fail, as text and as JSON, and checks that nothing was written.
+fn assert_fails(folder: &Folder, line: &str, exit: i32, code: &str, fragment: &str) {
+    let before = folder.contents();
+    let text = folder.isochor(line);
+    assert_eq!(text.code, Some(exit), "{line}: {}", text.stderr);
+    assert_eq!(text.stdout, "", "{line}");
+    let json = folder.isochor(&format!("{line} --json"));
+    assert_eq!(json.code, Some(exit), "{line}");
+    let report = json.json();
+    assert_eq!(keys(&report), ["error"], "{line}");
+    let mut found = keys(&report["error"]);
+    found.sort_unstable();
+    assert_eq!(found, ["code", "hint", "what", "where"], "{line}");
+    let part = |key: &str| report["error"][key].as_str().unwrap().to_owned();
+    for key in ["code", "hint", "what", "where"] {
+        assert!(!part(key).is_empty(), "{line}: no {key}");
+    }
+    assert_eq!(part("code"), code, "{line}: {report}");
+    let all = format!("{} | {} | {}", part("what"), part("where"), part("hint"));
+    assert!(all.contains(fragment), "{line}: no \"{fragment}\" in {all}");
+    assert!(text.stderr.contains(fragment) || code == "usage", "{line}: {}", text.stderr);
+    assert!(folder.contents() == before, "{line}: files changed");
+}
+
+#[test]
+fn requests_that_cannot_be_met_end_with_1_and_write_nothing() {
+    let folder = Folder::new();
+    folder.write("flipped.obj", OPEN.replace("f 1 2 4 3", "f 3 4 2 1"));
+    folder.write("flat.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nf 1 2 3\nf 3 2 1\n");
+    folder.write("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 1\n");
+    folder.write("away.toml", "[lattice]\norigin = [9, 9, 9]\naxes = [[1, 0, 0], [0, 1, 0], [0, 0, 1]]\n");
+    for (line, code, fragment) in [
+        ("deform cube.obj -o out.obj --twist z=90 --pin all", "impossible", "pinned"),
+        ("deform cube.obj -o out.obj --volume 2 --job away.toml", "impossible", "inside the lattice"),
+        ("deform cube.obj -o out.obj --scale -1", "impossible", "turns back"),
+        ("deform ball.ply -o out.ply --margin -0.1 --outside refuse", "outside", "vertices are outside"),
+        ("deform open.obj -o out.obj --twist z=90 --open refuse", "open", "4 boundary edges"),
+        ("deform flipped.obj -o out.obj --twist z=90", "winding", "volume = \"free\""),
+        ("deform flat.obj -o out.obj --twist z=90", "no-volume", "no volume"),
+        ("deform points.obj -o out.obj --twist z=90", "no-volume", "no faces"),
+    ] {
+        assert_fails(&folder, line, 1, code, fragment);
+        assert_fails(&folder, &format!("{line} --report report.json --save-controls controls.json"), 1, code, fragment);
+    }
+}
+
+#[test]
+fn bad_input_ends_with_2_and_writes_nothing() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("folder.obj")).unwrap();
+    folder.write("cut.obj", "v 0 0 0\nv 1 0 0\nv 0 1\n");
+    folder.write("point.obj", "v 0 0 0\n");
+    folder.write("lattice.json", "{ \"kind\": \"lattice\" }");
+    folder.report("cube.obj -o unused.obj --lattice 4 --save-controls controls.json");
+    for (line, code, fragment) in [
+        ("info nowhere.obj", "file", "nowhere.obj"),
+        ("info cut.obj", "read", "line 3"),
+        ("info lattice.json", "read", ".obj, .ply or .stl"),
+        ("deform nowhere.obj -o out.obj", "file", "nowhere.obj"),
+        ("deform cut.obj -o out.obj", "read", "line 3"),
+        ("deform cube.obj -o out.xyz", "read", "'.xyz'"),
+        ("deform cube.obj -o out", "read", "no extension"),
+        ("deform cube.obj -o cube.obj --twist z=90", "file", "--in-place"),
+        ("deform cube.obj -o ./cube.obj --twist z=90", "file", "--in-place"),
+        ("deform cube.obj -o folder.obj --twist z=90", "file", "is a folder"),
+        ("deform cube.obj -o nowhere/out.obj --twist z=90", "file", "nowhere"),
+        ("deform cube.obj -o out.obj --twist z=90 --report nowhere/report.json", "file", "nowhere"),
+        ("deform cube.obj -o out.obj --twist z=90 --report report.html", "file", ".json"),
+        ("deform cube.obj -o out.obj --twist z=90 --save-controls controls.txt", "file", ".json"),
+        ("deform cube.obj -o out.obj --twist z=90 --report a.json --save-controls a.json", "file", "overwrite"),
+        ("deform cube.obj -o out.obj --lattice-file controls.json --report controls.json", "file", "overwrite"),
+        ("deform cube.obj -o out.obj --save-controls none.json", "file", "no lattice to save"),
+        ("deform cube.obj -o out.stl --twist z=90 --precision f64", "write", "32-bit"),
+        ("deform cube.obj -o out.obj --lattice-file nowhere.json", "file", "nowhere.json"),
+        ("deform cube.obj -o out.obj --lattice-file lattice.json", "lattice-file", "version"),
+        ("deform cube.obj -o out.obj --lattice 1", "lattice", "too few"),
+        ("deform cube.obj -o out.obj --lattice 1000", "lattice", "too many"),
+        ("deform cube.obj -o out.obj --lattice 100000", "lattice", "too many"),
+        ("deform cube.obj -o out.obj --degree 0", "lattice", "at least 1"),
+        ("deform cube.obj -o out.obj --margin -0.5", "lattice", "margin"),
+        ("deform cube.obj -o out.obj --margin nan", "value", "margin"),
+        ("deform point.obj -o out.obj --lattice 4", "lattice", "no lattice can be fitted"),
+        ("deform cube.obj -o out.obj --bend z=45,z", "edit", "towards itself"),
+        ("deform cube.obj -o out.obj --move k=9:0,0,1", "edit", "beyond the lattice"),
+        ("deform cube.obj -o out.obj --edit 'twist = { axis = \"z\", degrees = inf }'", "edit", "finite"),
+        ("deform cube.obj -o out.obj --twist z=90 --pin k=9", "pin", "beyond the lattice"),
+        ("deform cube.obj -o out.obj --twist z=90 --falloff 9999:0.3", "missing-vertex", "9999"),
+        ("deform cube.obj -o out.obj --twist z=90 --falloff 0:-1", "value", "radius"),
+        ("deform cube.obj -o out.obj --twist z=90 --preserve gradient --shares 1,2", "value", "no axes or shares"),
+        ("deform cube.obj -o out.obj --twist z=90 --shares 1,2", "correct", "3 are needed"),
+        ("deform cube.obj -o out.obj --twist z=90 --preserve xy --shares 1,-1", "correct", "at least 0"),
+        ("deform cube.obj -o out.obj --twist z=90 --volume 105%..95%", "value", "min must not exceed max"),
+        ("demo cube.obj", "file", "cube.obj"),
+        ("man cube.obj", "file", "cube.obj"),
+    ] {
+        assert_fails(&folder, line, 2, code, fragment);
+    }
+}
+
+#[test]
+fn bad_usage_ends_with_2_and_writes_nothing() {
+    let folder = Folder::new();
+    for (line, fragment) in [
+        ("", "subcommand"),
+        ("deforms cube.obj", "deform"),
+        ("info cube.obj ball.ply", "ball.ply"),
+        ("deform -o out.obj", "model is missing"),
+        ("deform cube.obj", "output is missing"),
+        ("deform cube.obj -o out.obj --in-place", "--in-place"),
+        ("deform cube.obj -o out.obj --twits z=90", "--twits"),
+        ("deform cube.obj -o out.obj --twist", "--twist"),
+        ("deform cube.obj -o out.obj --threads 0", "--threads"),
+        ("deform cube.obj -o out.obj --basis cubic", "cubic"),
+        ("deform cube.obj -o out.obj --knots tight", "tight"),
+        ("deform cube.obj -o out.obj --outside drop", "drop"),
+        ("deform cube.obj -o out.obj --open maybe", "maybe"),
+        ("deform cube.obj -o out.obj --precision f16", "f16"),
+        ("deform cube.obj -o out.obj --margin wide", "wide"),
+        ("deform cube.obj -o out.obj --lattice 6x6", "6x6"),
+        ("deform cube.obj -o out.obj --lattice six", "--lattice"),
+        ("deform cube.obj -o out.obj --degree 3,3", "--degree"),
+        ("deform cube.obj -o out.obj --twist 90", "--twist"),
+        ("deform cube.obj -o out.obj --twist q=90", "write for example z=90"),
+        ("deform cube.obj -o out.obj --twist z=nan", "--twist"),
+        ("deform cube.obj -o out.obj --bend z=45,up", "--bend"),
+        ("deform cube.obj -o out.obj --taper z", "--taper"),
+        ("deform cube.obj -o out.obj --stretch z=half", "--stretch"),
+        ("deform cube.obj -o out.obj --rotate z=1e999", "--rotate"),
+        ("deform cube.obj -o out.obj --scale 1,2", "--scale"),
+        ("deform cube.obj -o out.obj --move k=5", "--move"),
+        ("deform cube.obj -o out.obj --move k=5:0,0", "--move"),
+        ("deform cube.obj -o out.obj --noise 0.1,x", "--noise"),
+        ("deform cube.obj -o out.obj --edit 'twsit = { axis = \"z\", degrees = 90 }'", "did you mean `twist`?"),
+        ("deform cube.obj -o out.obj --edit 'twist = { axis = \"z\", degres = 90 }'", "did you mean `degrees`?"),
+        ("deform cube.obj -o out.obj --edit [preserve]", "--edit"),
+        ("deform cube.obj -o out.obj --preserve xx", "each at most once"),
+        ("deform cube.obj -o out.obj --preserve free --volume 120%", "contradicts"),
+        ("deform cube.obj -o out.obj --volume 0", "--volume"),
+        ("deform cube.obj -o out.obj --volume=-5%", "--volume"),
+        ("deform cube.obj -o out.obj --volume much", "much"),
+        ("deform cube.obj -o out.obj --volume ..", "--volume"),
+        ("deform cube.obj -o out.obj --shares 1,x", "--shares"),
+        ("deform cube.obj -o out.obj --pin top", "--pin"),
+        ("deform cube.obj -o out.obj --pin 'k=0 k=1'", "twice"),
+        ("deform cube.obj -o out.obj --falloff 0.3", "--falloff"),
+        ("deform cube.obj -o out.obj --falloff=-1:0.3", "--falloff"),
+        ("deform cube.obj -o out.obj --lattice-file controls.json --lattice 4", "--lattice-file"),
+    ] {
+        assert_fails(&folder, line, 2, "usage", fragment);
+    }
+}
+
+#[test]
+fn missing_arguments_are_named_in_json_too() {
+    let folder = Folder::new();
+    assert_fails(&folder, "info", 2, "usage", "MODEL");
+    assert_fails(&folder, "completions", 2, "usage", "SHELL");
+}
+
+#[test]
+fn bad_jobs_name_the_line_and_the_nearest_key() {
+    let folder = Folder::new();
+    for (job, fragment) in [
+        ("modle = \"cube.obj\"\n", "did you mean `model`?"),
+        ("modle = \"cube.obj\"\n", "job.toml, line 1"),
+        ("[lattice]\nsizes = 4\n", "did you mean `size`?"),
+        ("[preserve]\n\nvolme = \"rest\"\n", "job.toml, line 3"),
+        ("[preserve]\nvolme = \"rest\"\n", "did you mean `volume`?"),
+        ("[preserve]\nfalloff = { vertx = 0, radius = 1 }\n", "did you mean `vertex`?"),
+        ("[preserve]\npin = { lst = [[0, 0, 0]] }\n", "did you mean `list`?"),
+        ("[[edit]]\ntwsit = { axis = \"z\", degrees = 9 }\n", "did you mean `twist`?"),
+        ("[[edit]]\ntwist = { axis = \"z\", degrees = 9, rnage = [0, 1] }\n", "did you mean `range`?"),
+        ("[preserve]\nvolume = -1\n", "more than 0"),
+        ("[preserve]\naxes = \"xyy\"\n", "\"xyy\""),
+        ("[lattice]\nsize = [4, 4]\n", "a list of 2 numbers"),
+        ("[lattice\n", "line 1"),
+    ] {
+        folder.write("job.toml", job);
+        assert_fails(&folder, "deform cube.obj -o out.obj --job job.toml", 2, "job", fragment);
+    }
+    folder.write("job.json", "{\n\"presrve\": {} }");
+    assert_fails(&folder, "deform cube.obj -o out.obj --job job.json", 2, "job", "did you mean `preserve`?");
+    assert_fails(&folder, "deform cube.obj -o out.obj --job job.json", 2, "job", "job.json, line 2");
+    folder.write("job.txt", "");
+    assert_fails(&folder, "deform cube.obj -o out.obj --job job.txt", 2, "file", ".toml or .json");
+    assert_fails(&folder, "deform --job nowhere.toml", 2, "file", "nowhere.toml");
+}
+
+#[test]
+fn a_job_file_is_never_overwritten() {
+    let folder = Folder::new();
+    folder.write("job.json", r#"{ "edit": [{ "twist": { "axis": "z", "degrees": 90 } }] }"#);
+    let line = "deform cube.obj -o out.obj --job job.json";
+    assert_fails(&folder, &format!("{line} --report job.json"), 2, "file", "overwrite");
+    assert_fails(&folder, &format!("{line} --save-controls ./job.json"), 2, "file", "overwrite");
+}
+
+#[cfg(unix)]
+#[test]
+fn names_that_are_not_unicode_are_names_too() {
+    use std::os::unix::ffi::OsStrExt;
+    let folder = Folder::new();
+    let name = std::ffi::OsStr::from_bytes(b"caf\xe9.obj");
+    std::fs::copy(folder.path("cube.obj"), folder.0.path().join(name)).unwrap();
+    let ran_with = |flags: &[&str]| ran(folder.command().arg("deform").arg(name).args(flags));
+    ran_with(&["-o", "out.obj", "--twist", "z=90"]).succeeded();
+    let failed = ran_with(&["-o", "out.obj", "--twits", "z=90", "--json"]);
+    assert_eq!(failed.code, Some(2), "{}", failed.stderr);
+    assert_eq!(failed.json()["error"]["code"], "usage");
+}
