@@ -8,11 +8,13 @@
 //!
 //! - Any directions, any shares, a mobility per control coordinate.
 //! - A direction on which the volume does not depend (*dead*: Σ m α² vanishes against the area) is found before it is used,
-//!   and its share goes to the others. Dividing by its vanishing Σ α² would send controls to infinity.
+//!   and its share goes to the others. Dividing by its vanishing Σ α² would send controls to infinity. A *weak* direction, on
+//!   which the volume depends by little more than the rounding of a file's 32-bit floats, is used only where there is no other.
 
 use glam::DVec3;
 
 use crate::correct::{CorrectError, Problem, Reason, State, Step};
+use crate::mesh::Bounds;
 use crate::tolerances;
 
 /// Corrects along `directions` in order, `shares` of the deficit each (equal by default).
@@ -26,21 +28,27 @@ pub(crate) fn corrected(
     // V is taken once, before the first axis: each step is exact, so after the last one all of the deficit is gone.
     let deficit = problem.target - problem.volume_before;
     let mut surface = Surface::of(problem, &state);
-    let live: Vec<&Axis> = axes.iter().filter(|axis| axis.sensitivity(problem, &surface).is_some()).collect();
-    let shared: f64 = live.iter().map(|axis| axis.share).sum();
-    if shared <= 0.0 {
+    let strengths: Vec<Strength> =
+        axes.iter().map(|axis| axis.sensitivity(problem, &surface).map_or(Strength::Dead, |s| s.strength)).collect();
+    let shared =
+        |least: Strength| axes.iter().zip(&strengths).filter(move |(_, s)| **s >= least).map(|(axis, _)| axis.share);
+    // Weak axes are used only where there are no others.
+    let least = if shared(Strength::Good).sum::<f64>() > 0.0 { Strength::Good } else { Strength::Weak };
+    let all_shares: f64 = shared(least).sum();
+    if all_shares <= 0.0 {
         return Err(problem.impossible(Reason::Dead));
     }
+    let live: Vec<&Axis> = axes.iter().zip(&strengths).filter(|(_, s)| **s >= least).map(|(axis, _)| axis).collect();
     let mut last = None;
     // What an axis that died on the way could not take goes to the next; a second pass takes what the last one left.
     let mut open = 0.0;
-    for pass in 0..2 {
+    for (is_first, least) in [(true, least), (false, least), (false, Strength::Weak)] {
         for axis in &live {
-            open += if pass == 0 { deficit * (axis.share / shared) } else { 0.0 };
+            open += if is_first { deficit * (axis.share / all_shares) } else { 0.0 };
             if open == 0.0 {
                 continue;
             }
-            if let Some(sensitivity) = axis.sensitivity(problem, &surface) {
+            if let Some(sensitivity) = axis.sensitivity(problem, &surface).filter(|s| s.strength >= least) {
                 state = state.after(&axis.step(problem, &sensitivity, open));
                 surface = Surface::of(problem, &state);
                 open = 0.0;
@@ -53,6 +61,7 @@ pub(crate) fn corrected(
             let sensitivity = axis.sensitivity(problem, &Surface::of(problem, state))?;
             Some(axis.step(problem, &sensitivity, deficit))
         })),
+        _ if !(surface.area * surface.area).is_finite() => Err(problem.impossible(Reason::Overflow)),
         _ => Err(problem.impossible(Reason::Dead)),
     }
 }
@@ -72,6 +81,17 @@ struct Sensitivity {
     alpha: Vec<f64>,
     /// Σ m α².
     norm: f64,
+    strength: Strength,
+}
+
+/// How much the volume depends on an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Strength {
+    /// Not at all, to rounding.
+    Dead,
+    /// By so little that controls would have to go far away.
+    Weak,
+    Good,
 }
 
 /// What sensitivities need of the surface as it stands.
@@ -79,12 +99,14 @@ struct Surface {
     /// g = ∂V/∂P (#vertices × 3).
     gradient: Vec<DVec3>,
     area: f64,
+    extent: f64,
 }
 
 impl Surface {
     fn of(problem: &Problem, state: &State) -> Self {
         let (solid, vertices) = (problem.solid, &state.vertices);
-        Self { gradient: solid.volume_gradient(vertices), area: solid.area(vertices) }
+        let extent = Bounds::of(vertices).map_or(0.0, |b| b.extent());
+        Self { gradient: solid.volume_gradient(vertices), area: solid.area(vertices), extent }
     }
 }
 
@@ -130,8 +152,12 @@ impl Axis {
         let alpha = problem.binding.adjoint_scalar(&along); // HB (10)–(12)
         let norm = alpha.iter().zip(&self.mobility).map(|(a, m)| m * a * a).sum::<f64>();
         let most = self.mobility.iter().copied().fold(0.0, f64::max);
-        let limit = tolerances::DEAD_AXIS * surface.area;
-        (norm > limit * limit * most).then_some(Sensitivity { alpha, norm })
+        let exceeds = |limit: f64| norm > limit * limit * most;
+        // A healthy axis changes the volume by about itself when controls move by the extent.
+        let volume = problem.volume_before.abs().min(problem.target.abs());
+        let is_good = exceeds(tolerances::WEAK_AXIS * volume / surface.extent);
+        let strength = if is_good { Strength::Good } else { Strength::Weak };
+        exceeds(tolerances::DEAD_AXIS * surface.area).then_some(Sensitivity { alpha, norm, strength })
     }
 
     /// HB (17) with mobilities: `δ_i = a m_i α_i / Σ_j m_j α_j²`.

@@ -196,10 +196,14 @@ impl Binding {
 /// `points + displacement` (both #vertices × 3). Where nothing moves the point keeps its bits, the sign of a zero included.
 #[must_use]
 pub fn displaced(points: &[DVec3], displacement: &[DVec3]) -> Vec<DVec3> {
-    let moved = |p: f64, d: f64| if d == 0.0 { p } else { p + d };
-    points
-        .iter()
-        .zip(displacement)
-        .map(|(p, d)| DVec3::new(moved(p.x, d.x), moved(p.y, d.y), moved(p.z, d.z)))
-        .collect()
+    points.iter().zip(displacement).map(|(p, d)| moved(*p, *d)).collect()
+}
+
+/// `points + by`, in the same way.
+pub(crate) fn translated(points: &[DVec3], by: DVec3) -> Vec<DVec3> {
+    points.iter().map(|p| moved(*p, by)).collect()
+}
+
+fn moved(p: DVec3, d: DVec3) -> DVec3 {
+    DVec3::select(d.cmpeq(DVec3::ZERO), p, p + d)
 }

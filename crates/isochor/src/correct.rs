@@ -20,7 +20,7 @@
 
 use glam::DVec3;
 
-use crate::binding::{Binding, displaced};
+use crate::binding::{Binding, displaced, translated};
 use crate::mesh::Bounds;
 use crate::tolerances;
 use crate::volume::Solid;
@@ -191,10 +191,11 @@ pub enum Reason {
         /// The last volume before it turns back.
         limit: f64,
     },
-    /// The model is so thin that moving one vertex by one rounding changes its volume by more than is allowed.
+    /// The model is so thin, or its vertices would have to go so far, that moving one of them by one rounding changes the
+    /// volume by more than is allowed.
     #[error(
-        "the model is so thin that the rounding of its coordinates leaves a relative error of {relative_error:.1e}, more \
-         than {:e}",
+        "the rounding of coordinates leaves a relative error of {relative_error:.1e}, more than {:e}: the model is too thin, \
+         or its vertices would have to go too far",
         tolerances::VOLUME
     )]
     Rounding {
@@ -258,7 +259,7 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
     let problem = Problem { solid, binding, mobility, posed: vertices.clone(), target, volume_before };
     let start = State { displacement: vec![DVec3::ZERO; controls], vertices, volume: volume_before, steps: 0 };
 
-    let (end, moved) = if problem.is_met(volume_before) {
+    let (end, has_moved) = if problem.is_met(volume_before) {
         (start, false)
     } else {
         problem.check_movable()?;
@@ -275,9 +276,9 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
     if relative_error > tolerances::VOLUME {
         return Err(problem.impossible(Reason::Rounding { relative_error }));
     }
-    let status = if moved { Status::Exact } else { Status::AlreadyMet };
-    let vertices = match moved {
-        true => end.vertices.iter().map(|p| *p + origin).collect(),
+    let status = if has_moved { Status::Exact } else { Status::AlreadyMet };
+    let vertices = match has_moved {
+        true => translated(&end.vertices, origin),
         false => pose.vertices.to_vec(),
     };
     Ok(Correction {

@@ -5,7 +5,7 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::binding::displaced;
+use crate::binding::{displaced, translated};
 use crate::bspline::{Basis, BasisError};
 use crate::correct::{CorrectError, CorrectOptions, Method, Pose, correct};
 use crate::edit::EditError;
@@ -327,7 +327,7 @@ impl Job {
 
         let saved = controls.in_model_coordinates(&posed, origin)?;
         Ok(Outcome {
-            points: points.iter().map(|p| *p + origin).collect(),
+            points: translated(&points, origin),
             controls: Some(saved),
             report: report(volume, correction, warnings, watch),
             body,
@@ -592,7 +592,7 @@ impl Controls {
 
     /// The controls with `posed` instead of their pose, in model coordinates.
     fn in_model_coordinates(&self, posed: &[DVec3], origin: DVec3) -> Result<PosedLattice, JobError> {
-        let far = |positions: &[DVec3]| positions.iter().map(|p| *p + origin).collect::<Vec<_>>();
+        let far = |positions: &[DVec3]| translated(positions, origin);
         let Some(file) = &self.file else {
             let lattice = Lattice::new(self.lattice.bases().clone(), self.lattice.frame().moved(origin))?;
             return Ok(PosedLattice { lattice, rest: far(&self.rest), posed: far(posed), mobility: None });

@@ -13,6 +13,11 @@ pub const NO_VOLUME: f64 = 1e-9;
 /// that could still work; smaller: control points run away.
 pub const DEAD_AXIS: f64 = 1e-12;
 
+/// An axis is weak where `Σ m α² ≤ (WEAK_AXIS · V / extent)² max m`: it would take moves of 1/WEAK_AXIS extents to change the
+/// volume V by itself. Weak axes give their share to others, if there are others. Larger: axes are spared that the user
+/// asked for; smaller: symmetric models whose coordinates were rounded to 32 bits send controls 10⁷ extents away.
+pub const WEAK_AXIS: f64 = 1e-6;
+
 /// Relative volume error that a correction must reach. Ordinary models reach it with a margin of 100 to 1000. Larger: exact
 /// would not mean exact; smaller: thin models are refused whose coordinates cannot do better.
 pub const VOLUME: f64 = 1e-13;

@@ -431,47 +431,6 @@ proptest! {
     }
 
     #[test]
-    fn a_volume_beyond_the_turning_point_is_refused_with_the_maximum_of_the_cubic(seed: u64) {
-        // Few coordinates are free, so the line bends back; nothing of the other sign is reached, and little is far above.
-        let mut random = Random(seed);
-        let posed = Posed::random(&mut random);
-        let free = [(); 6].map(|()| random.below(posed.binding.control_count()));
-        let mobility: Vec<DVec3> =
-            (0..posed.binding.control_count()).map(|c| DVec3::splat(f64::from(free.contains(&c)))).collect();
-        let gradient = posed.gradient(&posed.vertices);
-        let direction: Vec<DVec3> = gradient.iter().zip(&mobility).map(|(g, m)| *g * *m).collect();
-        let slope: f64 = direction.iter().map(|d| d.length_squared()).sum();
-        prop_assume!(slope > 1e-6);
-        for target in [-posed.volume, 1e3 * posed.volume] {
-            // The cubic from four values along the line, and where it turns first.
-            let unit = 0.3 * (target - posed.volume).signum() / slope.sqrt();
-            let v = [0.0, 1.0, 2.0, 3.0].map(|k| posed.volume_along(&direction, k * unit));
-            let (d1, d2, d3) = (v[1] - v[0], v[2] - 2.0 * v[1] + v[0], v[3] - 3.0 * (v[2] - v[1]) - v[0]);
-            let (a1, a2, a3) = (d1 - d2 / 2.0 + d3 / 3.0, d2 / 2.0 - d3 / 2.0, d3 / 6.0);
-            prop_assume!(a2.abs() > 1e-5); // else it turns far away, where four values near 0 say little
-            let cubic = |s: f64| v[0] + s * (a1 + s * (a2 + s * a3));
-            let discriminant = 4.0 * a2 * a2 - 12.0 * a1 * a3;
-            let roots = [-1.0, 1.0].map(|sign| 2.0 * a1 / (-2.0 * a2 + sign * discriminant.sqrt()));
-            let turn = roots.into_iter().filter(|s| *s > 0.0 && *s < 50.0).fold(f64::INFINITY, f64::min);
-            prop_assume!(turn < 50.0 || discriminant < 0.0);
-            let is_reached = turn == f64::INFINITY || (cubic(turn) - v[0]).abs() >= (target - v[0]).abs();
-            match posed.correct(target, Method::Gradient, Some(&mobility)) {
-                Ok(corrected) => {
-                    prop_assert!(is_reached, "the volume turns at {}", cubic(turn));
-                    posed.check(&corrected, target, Some(&mobility));
-                }
-                Err(CorrectError::Impossible { reason: Reason::Turns { limit }, volume, .. }) => {
-                    prop_assert!(!is_reached);
-                    prop_assert_eq!(volume, posed.volume);
-                    let size = (limit - volume).abs() + 1.0;
-                    prop_assert!((limit - cubic(turn)).abs() <= 1e-6 * size, "{} instead of {}", limit, cubic(turn));
-                }
-                Err(error) => prop_assert!(false, "{}", error),
-            }
-        }
-    }
-
-    #[test]
     fn corrections_follow_rotation_translation_scale_and_mirroring(seed: u64, change in 0.7..1.4f64, scale in -3.0..3.0f64) {
         let mut random = Random(seed);
         let posed = Posed::random(&mut random);
@@ -499,6 +458,56 @@ proptest! {
             assert_all_near(&there.displacement, &expected, 1e-10 * longest(&expected));
         }
     }
+}
+
+#[test]
+fn a_volume_beyond_the_turning_point_is_refused_with_the_maximum_of_the_cubic() {
+    let (mut reached, mut refused) = (0, 0);
+    for seed in 0..200 {
+        // Six free controls: little freedom, so the line often bends back on the way.
+        let mut random = Random(seed);
+        let posed = Posed::random(&mut random);
+        let free = [(); 6].map(|()| random.below(posed.binding.control_count()));
+        let mobility: Vec<DVec3> =
+            (0..posed.binding.control_count()).map(|c| DVec3::splat(f64::from(free.contains(&c)))).collect();
+        let gradient = posed.gradient(&posed.vertices);
+        let direction: Vec<DVec3> = gradient.iter().zip(&mobility).map(|(g, m)| *g * *m).collect();
+        let slope: f64 = direction.iter().map(|d| d.length_squared()).sum();
+        if slope < 1e-6 {
+            continue;
+        }
+        let target = [-posed.volume, 0.2 * posed.volume, 3.0 * posed.volume, 30.0 * posed.volume][seed as usize % 4];
+        // The cubic from four values along the line, in steps that would reach the target if it were straight.
+        let step = (target - posed.volume) / slope;
+        let v = [0.0, 1.0, 2.0, 3.0].map(|k| posed.volume_along(&direction, k * step));
+        let (d1, d2, d3) = (v[1] - v[0], v[2] - 2.0 * v[1] + v[0], v[3] - 3.0 * (v[2] - v[1]) - v[0]);
+        let (a1, a2, a3) = (d1 - d2 / 2.0 + d3 / 3.0, d2 / 2.0 - d3 / 2.0, d3 / 6.0);
+        let cubic = |s: f64| v[0] + s * (a1 + s * (a2 + s * a3));
+        // The smaller positive root of a₁ + 2 a₂ s + 3 a₃ s².
+        let root = (a2 * a2 - 3.0 * a1 * a3).sqrt();
+        let turn =
+            [a1 / (-a2 + root), a1 / (-a2 - root)].into_iter().filter(|s| *s > 0.0).fold(f64::INFINITY, f64::min);
+        let fraction = if turn < 1e3 { (cubic(turn) - v[0]) / (target - v[0]) } else { f64::INFINITY };
+        if (fraction - 1.0).abs() < 1e-3 {
+            continue; // on the border
+        }
+        match posed.correct(target, Method::Gradient, Some(&mobility)) {
+            Ok(corrected) => {
+                assert!(fraction > 1.0, "{seed}: the volume turns at {}", cubic(turn));
+                posed.check(&corrected, target, Some(&mobility));
+                reached += 1;
+            }
+            Err(CorrectError::Impossible { reason: Reason::Turns { limit }, volume, .. }) => {
+                assert!(fraction < 1.0, "{seed}: the target is reached before {}", cubic(turn));
+                assert_eq!(volume, posed.volume);
+                let expected = cubic(turn);
+                assert!((limit - expected).abs() <= 1e-9 * (target - volume).abs(), "{limit} instead of {expected}");
+                refused += 1;
+            }
+            Err(error) => panic!("{seed}: {error}"),
+        }
+    }
+    assert!(reached > 30 && refused > 30, "{reached} reached, {refused} refused");
 }
 
 // Axes on which the volume does not depend
@@ -549,6 +558,27 @@ fn the_share_of_a_dead_axis_goes_to_the_others_and_no_control_runs_away() {
         }
     }
     assert!(traps >= 2, "only {traps} of these would have been traps");
+}
+
+#[test]
+fn a_model_that_is_symmetric_but_for_the_rounding_of_its_file_sends_no_control_away() {
+    // The sphere of `dead_along_u` as f32 coordinates: its volume depends on moves along u by 1e−8 of what it does on the others.
+    let mut random = Random(17);
+    for _ in 0..4 {
+        let rotation = random.rotation();
+        let (exact, mobility) = dead_along_u(rotation);
+        let single = |x: f64| f64::from(x as f32);
+        let points: Vec<DVec3> = exact.vertices.iter().map(|p| DVec3::from_array(p.to_array().map(single))).collect();
+        let mesh = icosphere(3).with_points(points.clone()).unwrap();
+        let binding = exact.lattice.bind(&points, Outside::Extend).unwrap();
+        let posed = Posed::of(&mesh, exact.lattice, binding, points);
+        let [x, y, z] = [0, 1, 2].map(|a| rotation.col(a));
+        for method in [axes([x, y, z]), axes([y, z, x])] {
+            let corrected = posed.corrected(1.2 * posed.volume, method, Some(&mobility));
+            let farthest = longest(&corrected.displacement) / extent(&posed.vertices);
+            assert!(farthest < 2.0, "a control moves by {farthest:e} extents");
+        }
+    }
 }
 
 #[test]
@@ -624,6 +654,33 @@ fn a_volume_that_is_met_already_moves_nothing() {
 }
 
 #[test]
+fn vertices_that_follow_no_control_keep_their_bits() {
+    // The lower half of the cube is in the lattice; the upper half is kept, negative zeros and all.
+    let cube = cube(4);
+    let points = cube
+        .points()
+        .iter()
+        .map(|p| *p - DVec3::new(0.0, 0.5, 0.0))
+        .map(|p| if p.y == 0.0 { p.with_y(-0.0) } else { p });
+    let cube = cube.with_points(points.collect()).unwrap();
+    let frame = Frame { origin: DVec3::new(0.0, -0.5, 0.0), axes: [DVec3::X, DVec3::Y, DVec3::Z * 0.4] };
+    let lattice = Lattice::new(bernstein(3), frame).unwrap();
+    let binding = lattice.bind(cube.points(), Outside::Keep).unwrap();
+    let posed = Posed::of(&cube, lattice, binding, cube.points().to_vec());
+    for (method, target) in [(Method::Gradient, 1.1), (Method::xyz(), 1.1), (Method::Gradient, 1.0)] {
+        let corrected = posed.correct(target, method, None).unwrap();
+        let kept: Vec<usize> = (0..posed.vertices.len()).filter(|v| posed.binding.weights(*v).is_empty()).collect();
+        assert!(kept.iter().any(|v| posed.vertices[*v].y.to_bits() == (-0.0f64).to_bits()));
+        for v in kept {
+            assert_eq!(
+                corrected.vertices[v].to_array().map(f64::to_bits),
+                posed.vertices[v].to_array().map(f64::to_bits)
+            );
+        }
+    }
+}
+
+#[test]
 fn thin_models_are_corrected_by_the_choice_of_roundings_or_refused() {
     // One rounding of a coordinate changes the volume of a plate by about ε over its thickness: far more than promised.
     let mut random = Random(8);
@@ -692,12 +749,7 @@ fn a_lattice_that_holds_no_vertex_binds_nothing() {
     let binding = lattice.bind(cube.points(), Outside::Keep).unwrap();
     let posed = Posed::of(&cube, lattice, binding, cube.points().to_vec());
     for method in [Method::Gradient, Method::xyz()] {
-        let refused = posed.correct(1.1, method, None);
-        assert_impossible(&refused, &Reason::NothingBound);
-        assert_eq!(
-            refused.unwrap_err().to_string(),
-            "the volume cannot become 1.1 (it is 1): impossible, because no vertex of the model lies inside the lattice"
-        );
+        assert_impossible(&posed.correct(1.1, method, None), &Reason::NothingBound);
     }
 }
 

@@ -146,7 +146,7 @@ fn exact_volume(mesh: &Mesh, points: &[DVec3], caps: &[(Vec<u32>, Vec<[u32; 2]>)
     let scale: usize = caps.iter().map(|(members, _)| members.len()).product();
     let whole = |x: f64| {
         let (mantissa, exponent) = decoded(x);
-        if mantissa == 0 { BigInt::ZERO } else { BigInt::from(mantissa) * scale << (exponent - unit) }
+        if mantissa == 0 { BigInt::ZERO } else { (BigInt::from(mantissa) * scale) << (exponent - unit) }
     };
     let mut whole: Vec<[BigInt; 3]> = points.iter().map(|p| p.to_array().map(whole)).collect();
     let mut triangles: Vec<[usize; 3]> = mesh.faces().iter().flat_map(fan).map(|t| t.map(|v| v as usize)).collect();
