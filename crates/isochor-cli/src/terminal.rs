@@ -140,10 +140,11 @@ pub fn volume_lines(report: &Report) -> Vec<String> {
         }
         let correction = &report.correction;
         lines.push(format!(
-            "correction: {}, {}, {} steps; vertices moved by at most {:.3e} ({:.2} % of the extent)",
+            "correction: {}, {}, {} step{}; vertices moved by at most {:.3e} ({:.2} % of the extent)",
             correction.method,
             correction.status,
             correction.iterations,
+            if correction.iterations == 1 { "" } else { "s" },
             correction.max_displacement,
             100.0 * correction.max_displacement_relative
         ));

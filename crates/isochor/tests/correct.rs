@@ -1,5 +1,7 @@
 //! Corrections against theorems: exactness, optimality, invariance; and every way in which there is none.
 
+mod random;
+
 use std::f64::consts::PI;
 
 use glam::{DMat3, DQuat, DVec3};
@@ -9,6 +11,7 @@ use isochor::{
     Outside, Pose, Reason, Solid, Status, correct, displaced, tolerances, topology,
 };
 use proptest::prelude::*;
+use random::Random;
 
 /// The relative error that corrections promise.
 const PROMISED: f64 = 1e-13;
@@ -17,24 +20,9 @@ fn cases(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
-/// SplitMix64: a random pose is a number, so that a failure can be named.
-struct Random(u64);
-
 impl Random {
-    fn within(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        low + (high - low) * (((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64)
-    }
-
     fn below(&mut self, n: usize) -> usize {
         self.within(0.0, n as f64) as usize
-    }
-
-    /// In the cube [−1, 1]³.
-    fn vector(&mut self) -> DVec3 {
-        DVec3::from_array([0; 3].map(|_| self.within(-1.0, 1.0)))
     }
 
     fn rotation(&mut self) -> DMat3 {

@@ -1,11 +1,14 @@
 //! Counts on small meshes whose topology is known by hand.
 
-use std::collections::{BTreeSet, HashMap};
+mod voxels;
+
+use std::collections::BTreeSet;
 
 use glam::DVec3;
 use isochor::shapes::{cube, cylinder, hollow_sphere, uv_torus};
 use isochor::{Faces, Mesh, Topology, UnbalancedEdge, topology};
 use proptest::prelude::*;
+use voxels::voxels;
 
 fn mesh<const K: usize>(points: &[[f64; 3]], faces: &[[u32; K]]) -> Mesh {
     Mesh::new(points.iter().map(|p| DVec3::from_array(*p)).collect(), faces.iter().collect()).unwrap()
@@ -19,36 +22,6 @@ fn with_faces(mesh: &Mesh, faces: impl IntoIterator<Item = Vec<u32>>) -> Mesh {
 
 fn faces(mesh: &Mesh) -> Vec<Vec<u32>> {
     mesh.faces().iter().map(<[u32]>::to_vec).collect()
-}
-
-/// The surface of a set of unit cubes of the integer grid, squares wound outwards, one vertex at each place.
-fn voxels(filled: &BTreeSet<[i32; 3]>) -> Mesh {
-    let (mut vertices, mut points, mut faces) = (HashMap::new(), Vec::new(), Faces::new());
-    for cell in filled {
-        for axis in 0..3 {
-            for side in [0, 1] {
-                let mut neighbour = *cell;
-                neighbour[axis] += 2 * side - 1;
-                if filled.contains(&neighbour) {
-                    continue;
-                }
-                let mut square = [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[b, c]| {
-                    let mut corner = *cell;
-                    (corner[axis], corner[(axis + 1) % 3], corner[(axis + 2) % 3]) =
-                        (corner[axis] + side, corner[(axis + 1) % 3] + b, corner[(axis + 2) % 3] + c);
-                    *vertices.entry(corner).or_insert_with(|| {
-                        points.push(DVec3::from_array(corner.map(f64::from)));
-                        points.len() as u32 - 1
-                    })
-                });
-                if side == 0 {
-                    square.reverse();
-                }
-                faces.push(&square);
-            }
-        }
-    }
-    Mesh::new(points, faces).unwrap()
 }
 
 const TETRAHEDRON: [[u32; 3]; 4] = [[0, 2, 1], [0, 1, 3], [0, 3, 2], [1, 2, 3]];

@@ -1,5 +1,8 @@
 //! Volumes and their gradients against exact arithmetic, closed forms and theorems.
 
+mod random;
+mod voxels;
+
 use std::collections::{BTreeSet, HashMap};
 use std::f64::consts::TAU;
 
@@ -11,6 +14,8 @@ use isochor::{
 use num_bigint::BigInt;
 use num_rational::BigRational;
 use proptest::prelude::*;
+use random::Random;
+use voxels::voxels;
 
 /// The last step of a volume rounds twice: the sum to one f64, and the division by 6.
 const TWO_ROUNDINGS: f64 = 1.01 * f64::EPSILON;
@@ -19,22 +24,7 @@ fn cases(cases: u32) -> ProptestConfig {
     ProptestConfig { cases, failure_persistence: None, ..ProptestConfig::default() }
 }
 
-/// SplitMix64: a random mesh is a number, so that a failure can be named.
-struct Random(u64);
-
 impl Random {
-    fn within(&mut self, low: f64, high: f64) -> f64 {
-        self.0 = self.0.wrapping_add(0x9e37_79b9_7f4a_7c15);
-        let z = (self.0 ^ (self.0 >> 30)).wrapping_mul(0xbf58_476d_1ce4_e5b9);
-        let z = (z ^ (z >> 27)).wrapping_mul(0x94d0_49bb_1331_11eb);
-        low + (high - low) * (((z ^ (z >> 31)) >> 11) as f64 / (1u64 << 53) as f64)
-    }
-
-    /// In the cube [−1, 1]³.
-    fn vector(&mut self) -> DVec3 {
-        DVec3::from_array([0; 3].map(|_| self.within(-1.0, 1.0)))
-    }
-
     fn rotation(&mut self) -> DMat3 {
         let [x, y, z, w] = [0; 4].map(|_| self.within(-1.0, 1.0));
         DMat3::from_quat(DQuat::from_xyzw(x, y, z, w + 2.0).normalize())
@@ -92,36 +82,6 @@ fn soup(mesh: &Mesh) -> Mesh {
     for face in mesh.faces().iter() {
         faces.push(&(next..next + face.len() as u32).collect::<Vec<_>>());
         next += face.len() as u32;
-    }
-    Mesh::new(points, faces).unwrap()
-}
-
-/// The surface of a set of unit cubes of the integer grid, squares wound outwards, one vertex at each place.
-fn voxels(filled: &BTreeSet<[i32; 3]>) -> Mesh {
-    let (mut vertices, mut points, mut faces) = (HashMap::new(), Vec::new(), Faces::new());
-    for cell in filled {
-        for axis in 0..3 {
-            for side in [0, 1] {
-                let mut neighbour = *cell;
-                neighbour[axis] += 2 * side - 1;
-                if filled.contains(&neighbour) {
-                    continue;
-                }
-                let mut square = [[0, 0], [1, 0], [1, 1], [0, 1]].map(|[b, c]| {
-                    let mut corner = *cell;
-                    (corner[axis], corner[(axis + 1) % 3], corner[(axis + 2) % 3]) =
-                        (corner[axis] + side, corner[(axis + 1) % 3] + b, corner[(axis + 2) % 3] + c);
-                    *vertices.entry(corner).or_insert_with(|| {
-                        points.push(DVec3::from_array(corner.map(f64::from)));
-                        points.len() as u32 - 1
-                    })
-                });
-                if side == 0 {
-                    square.reverse();
-                }
-                faces.push(&square);
-            }
-        }
     }
     Mesh::new(points, faces).unwrap()
 }
