@@ -6,6 +6,7 @@
 //!
 //! - [`Method::Axes`]: one direction after the other, each an explicit exact step. HB (13)–(17); [`crate::axes`].
 //! - [`Method::Gradient`]: all coordinates at once along the gradient, an exact cubic; [`crate::gradient`].
+//! - [`Method::Nearest`]: the smallest displacement of all, by Newton's method; [`crate::nearest`].
 //!
 //! X need not come from W: the same correction finishes what another deformer posed, with a lattice laid round it.
 //!
@@ -24,7 +25,7 @@ use crate::binding::{Binding, displaced, translated};
 use crate::mesh::Bounds;
 use crate::tolerances;
 use crate::volume::Solid;
-use crate::{axes, gradient};
+use crate::{axes, gradient, nearest};
 
 /// A posed model: what is to be corrected.
 #[derive(Clone, Copy, Debug)]
@@ -52,6 +53,8 @@ pub enum Method {
     /// All coordinates at once, along M ∘ ∇V: independent of the choice of axes.
     #[default]
     Gradient,
+    /// The smallest displacement of all: the minimiser of Σ δ²/m at the wanted volume.
+    Nearest,
     /// One direction after the other (HB).
     Axes {
         /// The directions in order; any length but 0, not necessarily orthogonal.
@@ -87,6 +90,8 @@ pub struct Correction {
     pub status: Status,
     /// Exact steps taken, the final ones against rounding included.
     pub steps: usize,
+    /// How far [`Method::Nearest`] is from its condition: `‖δ − μ M ∘ ∇V‖∞`, in extents of the pose. `None` for other methods.
+    pub residual: Option<f64>,
 }
 
 /// How a correction ended.
@@ -96,6 +101,9 @@ pub enum Status {
     AlreadyMet,
     /// The wanted volume is met to [`tolerances::VOLUME`].
     Exact,
+    /// The wanted volume is met, but [`Method::Nearest`] has not come to the smallest displacement: its residual is above
+    /// [`tolerances::KKT_ENOUGH`].
+    NotNearest,
 }
 
 /// Why there is no correction. Nothing was changed.
@@ -257,7 +265,8 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
     let vertices: Vec<DVec3> = pose.vertices.iter().map(|p| *p - origin).collect();
     let volume_before = solid.volume(&vertices);
     let problem = Problem { solid, binding, mobility, posed: vertices.clone(), target, volume_before };
-    let start = State { displacement: vec![DVec3::ZERO; controls], vertices, volume: volume_before, steps: 0 };
+    let start =
+        State { displacement: vec![DVec3::ZERO; controls], vertices, volume: volume_before, steps: 0, residual: None };
 
     let (end, has_moved) = if problem.is_met(volume_before) {
         (start, false)
@@ -265,6 +274,7 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
         problem.check_movable()?;
         let end = match &options.method {
             Method::Gradient => gradient::corrected(&problem, start)?,
+            Method::Nearest => nearest::corrected(&problem, start)?,
             Method::Axes { directions, shares } => axes::corrected(&problem, start, directions, shares.as_deref())?,
         };
         (end, true)
@@ -276,7 +286,11 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
     if relative_error > tolerances::VOLUME {
         return Err(problem.impossible(Reason::Rounding { relative_error }));
     }
-    let status = if has_moved { Status::Exact } else { Status::AlreadyMet };
+    let status = match end.residual {
+        _ if !has_moved => Status::AlreadyMet,
+        Some(residual) if residual > tolerances::KKT_ENOUGH => Status::NotNearest,
+        _ => Status::Exact,
+    };
     let vertices = match has_moved {
         true => translated(&end.vertices, origin),
         false => pose.vertices.to_vec(),
@@ -289,6 +303,7 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
         relative_error,
         status,
         steps: end.steps,
+        residual: end.residual,
     })
 }
 
@@ -313,6 +328,8 @@ pub(crate) struct State {
     /// Its volume.
     pub(crate) volume: f64,
     pub(crate) steps: usize,
+    /// Of [`Method::Nearest`] at its end.
+    pub(crate) residual: Option<f64>,
 }
 
 /// One exact step: a control displacement (#controls × 3) and what it does to the vertices (#vertices × 3).
@@ -329,11 +346,16 @@ impl State {
             vertices: displaced(&self.vertices, &step.vertices),
             volume: self.volume,
             steps: self.steps + 1,
+            residual: self.residual,
         }
     }
 }
 
 impl Problem<'_> {
+    pub(crate) fn posed(&self) -> &[DVec3] {
+        &self.posed
+    }
+
     pub(crate) fn impossible(&self, reason: Reason) -> CorrectError {
         CorrectError::Impossible { target: self.target, volume: self.volume_before, reason }
     }

@@ -28,16 +28,16 @@ pub(crate) fn corrected(problem: &Problem, state: State) -> Result<State, Correc
 }
 
 /// The line `C + t D` through a state.
-struct Line {
+pub(crate) struct Line {
     /// D = M ∘ Wᵀ g (#controls × 3) and d = W D (#vertices × 3).
     unit: Step,
     /// a₁ = Σ m (Wᵀ g)².
-    slope: f64,
+    pub(crate) slope: f64,
 }
 
 impl Line {
     /// `None` where the volume depends on no control.
-    fn at(problem: &Problem, state: &State) -> Option<Self> {
+    pub(crate) fn at(problem: &Problem, state: &State) -> Option<Self> {
         let gradient = problem.binding.adjoint(&problem.solid.volume_gradient(&state.vertices));
         let controls: Vec<_> = gradient.iter().zip(&problem.mobility).map(|(g, m)| *g * *m).collect();
         let slope = gradient.iter().zip(&controls).map(|(g, d)| g.dot(*d)).sum::<f64>();
@@ -52,7 +52,7 @@ impl Line {
 
     /// a₁, a₂, a₃. Coefficients below the rounding of their summed terms are 0: they are noise, and noise can bend a line
     /// back that in truth goes on.
-    fn cubic(&self, problem: &Problem, state: &State) -> Cubic {
+    pub(crate) fn cubic(&self, problem: &Problem, state: &State) -> Cubic {
         /// Roundings in a term. More: true curvature is dropped; less: noise is kept.
         const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
         let d = &self.unit.vertices;
@@ -65,7 +65,7 @@ impl Line {
         Cubic { a1: self.slope, a2: products(&state.vertices), a3: products(d) / 3.0 }
     }
 
-    fn step(&self, t: f64) -> Step {
+    pub(crate) fn step(&self, t: f64) -> Step {
         let scaled = |vectors: &[glam::DVec3]| vectors.iter().map(|v| *v * t).collect();
         Step { controls: scaled(&self.unit.controls), vertices: scaled(&self.unit.vertices) }
     }
@@ -73,7 +73,7 @@ impl Line {
 
 /// `a₁ t + a₂ t² + a₃ t³`, a₁ > 0.
 #[derive(Clone, Copy, Debug)]
-struct Cubic {
+pub(crate) struct Cubic {
     a1: f64,
     a2: f64,
     a3: f64,
@@ -82,7 +82,7 @@ struct Cubic {
 impl Cubic {
     /// The t nearest 0 with value `wanted`, such that the cubic is monotone between 0 and t. `Err`: the value at which it
     /// turns back before.
-    fn first_root(self, wanted: f64) -> Result<f64, f64> {
+    pub(crate) fn first_root(self, wanted: f64) -> Result<f64, f64> {
         // t = r · wanted/a₁ with r > 0 makes it r + b r² + c r³ = 1: near 1 where the volume is almost linear.
         let unit = wanted / self.a1;
         let (b, c) = (self.a2 * unit / self.a1, self.a3 * unit * unit / self.a1);

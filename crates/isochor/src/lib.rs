@@ -85,6 +85,7 @@ mod job;
 mod job_text;
 mod lattice;
 mod mesh;
+mod nearest;
 mod outcome;
 mod parallel;
 mod posed;

@@ -88,11 +88,13 @@ impl CorrectionReport {
         let rms_displacement = (squared().sum::<f64>() / before.len() as f64).sqrt();
         let method = match method {
             Method::Gradient => "gradient",
+            Method::Nearest => "nearest",
             Method::Axes { .. } => "axes",
         };
         let status = match correction.status {
             Status::AlreadyMet => "already-met",
             Status::Exact => "exact",
+            Status::NotNearest => "not-nearest",
         };
         Self {
             method: method.into(),

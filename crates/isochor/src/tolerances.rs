@@ -25,6 +25,14 @@ pub const VOLUME: f64 = 1e-13;
 /// Below this relative volume error no further correction step is tried: a few roundings of the volume itself.
 pub const VOLUME_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
+/// The nearest correction stops where `‖δ − μ M ∘ ∇V‖∞` is below this fraction of the extent. Larger: the displacement is longer
+/// than it need be; smaller: rounding is chased.
+pub const KKT: f64 = 1e-12;
+
+/// What the nearest correction must reach to be called so. Larger: nearest would not mean nearest; smaller: thin models, whose
+/// gradients are rounded, fail.
+pub const KKT_ENOUGH: f64 = 1e-10;
+
 /// A lattice frame whose volume is below this fraction of the product of its edge lengths is degenerate. Larger: strongly
 /// sheared frames are refused; smaller: parameters lose all their digits.
 pub const FLAT_FRAME: f64 = 1e-9;

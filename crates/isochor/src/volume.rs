@@ -267,19 +267,40 @@ impl Solid {
     #[must_use]
     pub fn volume_gradient(&self, points: &[DVec3]) -> Vec<DVec3> {
         let points = self.near_with_apexes(points);
-        let normals = parallel::collect(self.triangles.len(), |t| doubled_area_vector(self.triangles[t], &points));
+        self.gathered(|t| doubled_area_vector(t, &points))
+    }
+
+    /// The second derivative `∇²V · q` (#vertices × 3) at the pose `points` along the displacement `q` (both #vertices × 3): how
+    /// [`Solid::volume_gradient`] changes to first order.
+    ///
+    /// # Panics
+    ///
+    /// Panics where the number of points or displacements is not the number of vertices.
+    #[must_use]
+    pub fn volume_gradient_change(&self, points: &[DVec3], q: &[DVec3]) -> Vec<DVec3> {
+        let (points, q) = (self.near_with_apexes(points), self.near_with_apexes(q));
+        self.gathered(|[a, b, c]| {
+            let edges = |x: &[DVec3]| (x[b as usize] - x[a as usize], x[c as usize] - x[a as usize]);
+            let ((pb, pc), (qb, qc)) = (edges(&points), edges(&q));
+            qb.cross(pc) + pb.cross(qc)
+        })
+    }
+
+    /// A sixth of the sum over the triangles at each vertex (#vertices × 3); what belongs to apexes goes back to their members.
+    fn gathered(&self, of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync) -> Vec<DVec3> {
+        let vectors = parallel::collect(self.triangles.len(), |t| of_triangle(self.triangles[t]));
         let sixth = |v: usize| {
             let incident = &self.incident[self.incident_starts[v] as usize..self.incident_starts[v + 1] as usize];
-            incident.iter().map(|&t| normals[t as usize]).sum::<DVec3>() / 6.0
+            incident.iter().map(|&t| vectors[t as usize]).sum::<DVec3>() / 6.0
         };
-        let mut gradient = parallel::collect(self.vertices, sixth);
+        let mut sums = parallel::collect(self.vertices, sixth);
         for (c, cap) in self.caps.iter().enumerate() {
             let share = sixth(self.vertices + c) / cap.members.len() as f64;
             for &v in &cap.members {
-                gradient[v as usize] += share;
+                sums[v as usize] += share;
             }
         }
-        gradient
+        sums
     }
 
     /// Surface area of the pose `points` (#vertices × 3), caps included.
