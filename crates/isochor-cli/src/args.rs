@@ -152,9 +152,12 @@ pub struct DeformArgs {
     #[arg(long, value_name = "TOML", help_heading = "Edits")]
     pub edit: Vec<String>,
 
-    /// How to keep the volume: axes such as xy or zyx, "gradient", or "free".
+    /// How to keep the volume: axes such as xy or zyx, "nearest", "gradient", or "free".
     #[arg(long, value_name = "HOW", help_heading = "Volume")]
     pub preserve: Option<String>,
+    /// The method; with --preserve AXES, nearest and gradient move control points along these axes only.
+    #[arg(long, value_enum, help_heading = "Volume")]
+    pub method: Option<MethodArg>,
     /// The wanted volume: rest, free, 120%, a number, or a range such as 95%..105%.
     #[arg(long, value_name = "VOLUME", help_heading = "Volume")]
     pub volume: Option<String>,
@@ -208,6 +211,16 @@ pub enum OutsideArg {
     Extend,
     /// They are an error.
     Refuse,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum MethodArg {
+    /// The smallest displacement of the control points.
+    Nearest,
+    /// One exact step in all coordinates.
+    Gradient,
+    /// One direction after the other.
+    Axes,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

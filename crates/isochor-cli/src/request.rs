@@ -4,11 +4,11 @@ use std::path::{Path, PathBuf};
 
 use isochor::{
     BasisKind, Directions, Job, KnotRule, Knots, LatticeRequest, MethodKind, OpenBoundaries, Outside, Precision,
-    VolumeTarget,
+    Preserve, VolumeTarget,
 };
 use isochor_io::Format;
 
-use crate::args::{BasisArg, DeformArgs, KnotsArg, OpenArg, OutsideArg, PrecisionArg};
+use crate::args::{BasisArg, DeformArgs, KnotsArg, MethodArg, OpenArg, OutsideArg, PrecisionArg};
 use crate::failure::Failure;
 use crate::{files, flags};
 
@@ -114,6 +114,11 @@ fn job_file(path: &Path) -> Result<Job, Failure> {
     Ok(job)
 }
 
+/// Chooses a method in all directions.
+fn only(preserve: &mut Preserve, method: MethodKind) {
+    (preserve.method, preserve.axes, preserve.shares) = (Some(method), None, None);
+}
+
 /// Puts what flags say over what the job says; edits are appended.
 fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
     let set = |slot: &mut Option<PathBuf>, flag: &Option<PathBuf>| {
@@ -146,15 +151,24 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
             return Err(Failure::usage("--preserve", "\"free\" contradicts --volume", "leave one of them out"));
         }
         Some("free") => preserve.volume = VolumeTarget::Free,
-        Some("gradient") => {
-            (preserve.method, preserve.axes, preserve.shares) = (Some(MethodKind::Gradient), None, None)
-        }
+        Some("nearest") => only(preserve, MethodKind::Nearest),
+        Some("gradient") => only(preserve, MethodKind::Gradient),
         Some(letters) => {
             let letters = letters.to_string().try_into().map_err(|error| {
-                Failure::usage("--preserve", format!("{error}"), "write axes such as xy, \"gradient\", or \"free\"")
+                Failure::usage(
+                    "--preserve",
+                    format!("{error}"),
+                    "write axes such as xy, \"nearest\", \"gradient\", or \"free\"",
+                )
             })?;
             (preserve.method, preserve.axes) = (Some(MethodKind::Axes), Some(Directions::Letters(letters)));
         }
+        None => {}
+    }
+    match args.method {
+        Some(MethodArg::Nearest) => preserve.method = Some(MethodKind::Nearest),
+        Some(MethodArg::Gradient) => preserve.method = Some(MethodKind::Gradient),
+        Some(MethodArg::Axes) => preserve.method = Some(MethodKind::Axes),
         None => {}
     }
     if let Some(text) = &args.shares {

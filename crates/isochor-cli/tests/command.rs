@@ -407,6 +407,10 @@ fn flags_change_the_result() {
         "--edit 'twist = { axis = \"z\", degrees = 90, range = [0.5, 1] }'",
         "--preserve x",
         "--preserve xy",
+        "--preserve gradient",
+        "--preserve xy --method nearest",
+        "--preserve xy --method gradient",
+        "--method axes",
         "--preserve yx",
         "--preserve free",
         "--preserve xy --shares 1,2",
@@ -437,7 +441,8 @@ fn defaults_spelled_out_change_nothing() {
         "--lattice 6x6x6 --basis bspline --degree 3 --knots clamped --margin 0",
         "--outside keep",
         "--outside extend",
-        "--preserve gradient",
+        "--preserve nearest",
+        "--method nearest",
         "--volume rest",
         "--volume 100%",
         "--open cap",
@@ -643,7 +648,7 @@ fn flags_override_a_job_and_add_to_its_edits() {
     );
     folder.report(
         "cube.obj --job job.toml -o job.obj --report job-report.json --lattice 5 --twist z=45 --volume 80% \
-         --preserve gradient",
+         --preserve nearest",
     );
     folder.report("cube.obj -o flags.obj --lattice 5 --degree 2 --stretch z=0.7 --twist z=45 --volume 80%");
     assert!(folder.bytes("job.obj") == folder.bytes("flags.obj"));
@@ -804,7 +809,7 @@ fn requests_that_cannot_be_met_end_with_1_and_write_nothing() {
     for (line, code, fragment) in [
         ("deform cube.obj -o out.obj --twist z=90 --pin all", "impossible", "pinned"),
         ("deform cube.obj -o out.obj --volume 2 --job away.toml", "impossible", "inside the lattice"),
-        ("deform cube.obj -o out.obj --scale -1", "impossible", "turns back"),
+        ("deform cube.obj -o out.obj --scale -1 --preserve gradient", "impossible", "turns back"),
         ("deform ball.ply -o out.ply --margin -0.1 --outside refuse", "outside", "vertices are outside"),
         ("deform open.obj -o out.obj --twist z=90 --open refuse", "open", "4 boundary edges"),
         ("deform flipped.obj -o out.obj --twist z=90", "winding", "volume = \"free\""),
@@ -858,7 +863,7 @@ fn bad_input_ends_with_2_and_writes_nothing() {
         ("deform cube.obj -o out.obj --twist z=90 --pin k=9", "pin", "beyond the lattice"),
         ("deform cube.obj -o out.obj --twist z=90 --falloff 9999:0.3", "missing-vertex", "9999"),
         ("deform cube.obj -o out.obj --twist z=90 --falloff 0:-1", "value", "radius"),
-        ("deform cube.obj -o out.obj --twist z=90 --preserve gradient --shares 1,2", "value", "no axes or shares"),
+        ("deform cube.obj -o out.obj --twist z=90 --preserve gradient --shares 1,2", "value", "takes no shares"),
         ("deform cube.obj -o out.obj --twist z=90 --shares 1,2", "correct", "3 are needed"),
         ("deform cube.obj -o out.obj --twist z=90 --preserve xy --shares 1,-1", "correct", "at least 0"),
         ("deform cube.obj -o out.obj --twist z=90 --volume 105%..95%", "value", "min must not exceed max"),

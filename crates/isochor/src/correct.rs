@@ -50,11 +50,11 @@ pub struct CorrectOptions {
 /// Which way the controls go.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub enum Method {
-    /// All coordinates at once, along M ∘ ∇V: independent of the choice of axes.
-    #[default]
-    Gradient,
     /// The smallest displacement of all: the minimiser of Σ δ²/m at the wanted volume.
+    #[default]
     Nearest,
+    /// All coordinates at once, along M ∘ ∇V: one exact step, a few percent longer at most on ordinary poses.
+    Gradient,
     /// One direction after the other (HB).
     Axes {
         /// The directions in order; any length but 0, not necessarily orthogonal.

@@ -3,8 +3,8 @@
 //! Along `D = M ∘ Wᵀ g` the volume is exactly a cubic: `V(C + t D) = V + a₁ t + a₂ t² + a₃ t³`. With d = W D and the volume's
 //! gradient g(·) as a function of positions, `a₁ = Σ m (Wᵀ g)² ≥ 0`, `a₂ = Σ_v g(d)_v · x_v`, `a₃ = Σ_v g(d)_v · d_v / 3`, since V is
 //! a symmetric trilinear form T(x, x, x) and g(x) = 3 T(x, x, ·). So one root of a cubic gives a correction that is exact,
-//! rotates with the model, and needs no order of axes. On ordinary poses it ends within 1 % of the smallest displacement
-//! that any correction could make.
+//! rotates with the model, and needs no order of axes. On ordinary poses it is a few percent longer than the smallest
+//! displacement that any correction could make ([`crate::nearest`]).
 //!
 //! The root is the one that is reached from t = 0 without the volume turning back on the way.
 

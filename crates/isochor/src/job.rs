@@ -172,9 +172,10 @@ pub enum KnotRule {
 pub struct Preserve {
     /// The wanted volume.
     pub volume: VolumeTarget,
-    /// How to reach it; "axes" if `axes` or `shares` is given, else "gradient".
+    /// How to reach it; "axes" if `axes` or `shares` is given, else "nearest".
     pub method: Option<MethodKind>,
-    /// Directions of the method "axes", in order; "xyz" by default.
+    /// Directions of the method "axes", in order; "xyz" by default. The other methods move controls along these axes only;
+    /// they take letters.
     pub axes: Option<Directions>,
     /// Relative share of each direction; equal by default.
     pub shares: Option<Vec<f64>>,
@@ -196,6 +197,8 @@ pub struct Preserve {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
 pub enum MethodKind {
+    /// The smallest displacement.
+    Nearest,
     /// One exact step in all coordinates.
     Gradient,
     /// One direction after the other.

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use crate::binding::{displaced, translated};
 use crate::bspline::{Basis, BasisError};
-use crate::correct::{CorrectError, CorrectOptions, Method, Pose, correct};
+use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Status, correct};
 use crate::edit::EditError;
 use crate::health::{Health, Source};
 use crate::job::{
@@ -128,6 +128,14 @@ pub enum JobError {
     /// The correction is impossible.
     #[error(transparent)]
     Correct(#[from] CorrectError),
+    /// The method "nearest" did not come to the smallest displacement.
+    #[error("the nearest pose was not found: its condition is missed by {residual:.1e} extents, more than {limit:e}")]
+    NotConverged {
+        /// How far its condition is missed.
+        residual: f64,
+        /// How far it may be.
+        limit: f64,
+    },
     /// Values that contradict one another or are out of range.
     #[error("{key} {problem}")]
     Value {
@@ -158,6 +166,7 @@ impl JobError {
                 | Self::Lattice(LatticeError::Outside { .. })
                 | Self::Solid(_)
                 | Self::NoVolume { .. }
+                | Self::NotConverged { .. }
         )
     }
 
@@ -174,6 +183,7 @@ impl JobError {
             Self::Solid(_) | Self::NoVolume { .. } => "no-volume",
             Self::Correct(CorrectError::Impossible { .. }) => "impossible",
             Self::Correct(_) => "correct",
+            Self::NotConverged { .. } => "not-converged",
             Self::Value { .. } => "value",
             Self::MissingVertex { .. } => "missing-vertex",
         }
@@ -190,6 +200,7 @@ impl JobError {
             Self::Solid(SolidError::Open { .. }) => "preserve.open".into(),
             Self::Solid(_) | Self::NoVolume { .. } => "model".into(),
             Self::Correct(_) => "preserve".into(),
+            Self::NotConverged { .. } => "preserve.method".into(),
             Self::Value { key, .. } | Self::MissingVertex { key, .. } => (*key).into(),
         }
     }
@@ -213,6 +224,7 @@ impl JobError {
                 "free more controls, choose other axes, enlarge the lattice, or ask for another volume"
             }
             Self::Correct(_) => "correct the named value",
+            Self::NotConverged { .. } => "choose the method \"gradient\", or ask for less change",
             Self::Value { .. } => "correct or leave out the key",
             Self::MissingVertex { .. } => "vertices are counted from 0 in file order",
         }
@@ -304,15 +316,18 @@ impl Job {
             if kept.solid.encloses_nothing(mesh.points(), kept.rest.total) {
                 return Err(JobError::NoVolume { volume: kept.rest.total });
             }
-            let options = CorrectOptions {
-                method: self.method()?,
-                mobility: Some(self.mobility(controls.mobility.as_deref(), &space, &rest_points)?),
-            };
+            let (method, coordinates) = self.method()?;
+            let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
+            mobility.iter_mut().for_each(|m| *m *= coordinates);
+            let options = CorrectOptions { method, mobility: Some(mobility) };
             let posed_volumes = kept.solid.volumes(&points);
             let target = target_volume(&self.preserve.volume, &kept, &posed_volumes)?;
             let pose = Pose { solid: &kept.solid, vertices: &points, binding: &binding };
             let corrected = correct(&pose, target * kept.orientation, &options)
                 .map_err(|error| error.oriented(kept.orientation))?;
+            if let (Status::NotNearest, Some(residual)) = (corrected.status, corrected.residual) {
+                return Err(JobError::NotConverged { residual, limit: tolerances::KKT_ENOUGH });
+            }
             correction = CorrectionReport::of(&corrected, &options.method, &points, extent);
             displacement = displaced(&displacement, &corrected.displacement);
             posed = displaced(&posed, &corrected.displacement);
@@ -362,24 +377,27 @@ impl Job {
         }
     }
 
-    fn method(&self) -> Result<Method, JobError> {
+    /// The method, and which coordinates it may change.
+    fn method(&self) -> Result<(Method, DVec3), JobError> {
         let Preserve { method, axes, shares, .. } = &self.preserve;
-        let wants_axes = axes.is_some() || shares.is_some();
-        match method {
-            Some(MethodKind::Gradient) if wants_axes => {
-                let problem = "\"gradient\" takes no axes or shares; leave it out, or choose \"axes\"".into();
-                Err(JobError::Value { key: "preserve.method", problem })
+        let default = if axes.is_some() || shares.is_some() { MethodKind::Axes } else { MethodKind::Nearest };
+        let other = match method.unwrap_or(default) {
+            MethodKind::Axes => {
+                let directions = axes.clone().unwrap_or_else(|| Directions::Letters(AxisLetters::default())).vectors();
+                return Ok((Method::Axes { directions, shares: shares.clone() }, DVec3::ONE));
             }
-            Some(MethodKind::Axes) => Ok(self.axes_method()),
-            None if wants_axes => Ok(self.axes_method()),
-            _ => Ok(Method::Gradient),
+            MethodKind::Nearest => Method::Nearest,
+            MethodKind::Gradient => Method::Gradient,
+        };
+        let contradicts = |problem: &str| Err(JobError::Value { key: "preserve.method", problem: problem.into() });
+        match axes {
+            _ if shares.is_some() => contradicts("takes no shares; leave them out, or choose \"axes\""),
+            Some(Directions::Vectors(_)) => {
+                contradicts("takes axes as letters only, such as \"xy\"; choose \"axes\" for other directions")
+            }
+            Some(letters) => Ok((other, letters.vectors().iter().sum())),
+            None => Ok((other, DVec3::ONE)),
         }
-    }
-
-    fn axes_method(&self) -> Method {
-        let Preserve { axes, shares, .. } = &self.preserve;
-        let directions = axes.clone().unwrap_or_else(|| Directions::Letters(AxisLetters::default())).vectors();
-        Method::Axes { directions, shares: shares.clone() }
     }
 
     /// Mobility of each control coordinate: of the lattice file, times falloff, times what pins leave.

@@ -59,12 +59,14 @@ pub struct VolumeRow {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct CorrectionReport {
-    /// "gradient", "axes", or "none" where the volume was free.
+    /// "nearest", "gradient", "axes", or "none" where the volume was free.
     pub method: String,
     /// How it ended: "exact", "already-met", or "not-asked".
     pub status: String,
     /// Exact steps taken.
     pub iterations: usize,
+    /// How far "nearest" is from its condition, in extents; none for other methods.
+    pub residual: Option<f64>,
     /// Farthest that the correction moved a vertex.
     pub max_displacement: f64,
     /// The same, in extents.
@@ -94,12 +96,13 @@ impl CorrectionReport {
         let status = match correction.status {
             Status::AlreadyMet => "already-met",
             Status::Exact => "exact",
-            Status::NotNearest => "not-nearest",
+            Status::NotNearest => "not-converged",
         };
         Self {
             method: method.into(),
             status: status.into(),
             iterations: correction.steps,
+            residual: correction.residual,
             max_displacement,
             max_displacement_relative: max_displacement / extent,
             rms_displacement,

@@ -157,7 +157,7 @@ fn edits_keep_the_volume_at_rest_unless_told_otherwise() {
         assert!((volumes(&mesh, &outcome.points).0 / rest - 1.0).abs() <= PROMISED);
         assert_eq!(
             (outcome.report.correction.method.as_str(), outcome.report.correction.status.as_str()),
-            ("gradient", "exact")
+            ("nearest", "exact")
         );
     }
 }
@@ -546,7 +546,9 @@ fn axes_and_shares_choose_the_method() {
         ("method = \"axes\"", "axes", vec![]),
         ("shares = [1, 1, 2]", "axes", vec![]),
         ("method = \"gradient\"", "gradient", vec![]),
-        ("", "gradient", vec![]),
+        ("method = \"gradient\", axes = \"zx\"", "gradient", vec![1]),
+        ("method = \"nearest\", axes = \"y\"", "nearest", vec![0, 2]),
+        ("", "nearest", vec![]),
     ] {
         let outcome = with(preserve).unwrap();
         assert_eq!(outcome.report.correction.method, method);
@@ -555,7 +557,11 @@ fn axes_and_shares_choose_the_method() {
             assert_eq!(same, still.contains(&a), "{preserve}");
         }
     }
-    for preserve in ["method = \"gradient\", axes = \"x\"", "method = \"gradient\", shares = [1, 1, 1]"] {
+    for preserve in [
+        "method = \"gradient\", axes = [[1, 1, 0]]",
+        "method = \"nearest\", axes = [[1, 1, 0]]",
+        "method = \"gradient\", shares = [1, 1, 1]",
+    ] {
         assert_value(with(preserve), "preserve.method");
     }
     let refused = with("axes = \"xy\", shares = [1, 1, 1]").unwrap_err();
@@ -587,8 +593,11 @@ fn a_falloff_makes_the_correction_local() {
     let mesh = bottle(24, 30);
     let (vertex, radius) = (100, 0.2);
     let free = run(&mesh, &format!("{EDITS}preserve = {{ volume = \"free\" }}")).unwrap();
-    let local =
-        run(&mesh, &format!("{EDITS}preserve = {{ falloff = {{ vertex = {vertex}, radius = {radius} }} }}")).unwrap();
+    let local = run(
+        &mesh,
+        &format!("{EDITS}preserve = {{ method = \"gradient\", falloff = {{ vertex = {vertex}, radius = {radius} }} }}"),
+    )
+    .unwrap();
     let (free_controls, controls) = (free.controls.unwrap(), local.controls.unwrap());
     let solid = Solid::new(&mesh, &topology(&mesh), OpenBoundaries::Cap).unwrap();
     let binding = controls.lattice.bind(mesh.points(), Outside::Refuse).unwrap();
