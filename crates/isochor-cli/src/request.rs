@@ -215,7 +215,7 @@ fn apply_lattice_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> 
         request.degree = Some(flags::degree(text)?);
     }
     if let Some(knots) = knots {
-        request.knots = Some(Knots::Rule(match knots {
+        request.knots = Some(Knots::All(match knots {
             KnotsArg::Clamped => KnotRule::Clamped,
             KnotsArg::Uniform => KnotRule::Uniform,
         }));

@@ -139,7 +139,7 @@ fn mobility_along(by_coordinate: DVec3, direction: DVec3) -> f64 {
     let mut cost = 0.0;
     for (m, d) in by_coordinate.to_array().into_iter().zip(direction.to_array()) {
         if d != 0.0 {
-            cost += d * d / m; // m = 0: infinite cost, no mobility
+            cost += if m == 0.0 { f64::INFINITY } else { d * d / m };
         }
     }
     1.0 / cost
@@ -170,5 +170,22 @@ impl Axis {
             controls: delta.iter().map(|d| self.direction * *d).collect(),
             vertices: shift.iter().map(|s| self.direction * *s).collect(),
         }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn mobility_along_a_direction_is_that_of_the_coordinates_it_moves() {
+        let by_coordinate = DVec3::new(4.0, 0.0, 1.0);
+        assert_eq!(mobility_along(by_coordinate, DVec3::X), 4.0);
+        assert_eq!(mobility_along(by_coordinate, DVec3::Y), 0.0);
+        // 1/m = (1/2)/4 + (1/2)/1
+        let diagonal = DVec3::new(1.0, 0.0, 1.0).normalize();
+        assert!((mobility_along(by_coordinate, diagonal) - 1.6).abs() < 1e-15);
+        // However little of a direction moves a pinned coordinate, it pins.
+        assert_eq!(mobility_along(by_coordinate, DVec3::new(1.0, 1e-200, 0.0)), 0.0);
     }
 }

@@ -147,13 +147,43 @@ impl<T: Copy> PerAxis<T> {
 #[cfg_attr(
     feature = "serde",
     derive(serde::Deserialize),
-    serde(untagged, expecting = "\"clamped\", \"uniform\" or three explicit knot vectors")
+    serde(
+        untagged,
+        expecting = "\"clamped\", \"uniform\", or a list of three: each of them a rule or an explicit knot vector"
+    )
 )]
 pub enum Knots {
+    /// One rule for all axes.
+    All(KnotRule),
+    /// Along u, v, w.
+    Each([AxisKnots; 3]),
+}
+
+impl Default for Knots {
+    fn default() -> Self {
+        Self::All(KnotRule::Clamped)
+    }
+}
+
+impl Knots {
+    /// The knots along u, v, w.
+    #[must_use]
+    pub fn each(&self) -> [AxisKnots; 3] {
+        match self {
+            Self::All(rule) => [0; 3].map(|_| AxisKnots::Rule(*rule)),
+            Self::Each(knots) => knots.clone(),
+        }
+    }
+}
+
+/// Knots along one axis.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(untagged))]
+pub enum AxisKnots {
     /// A rule.
     Rule(KnotRule),
-    /// Full knot vectors (size + degree + 1 numbers, domain [0, 1]) along u, v, w.
-    Explicit([Vec<f64>; 3]),
+    /// A full knot vector: size + degree + 1 numbers with the domain [0, 1].
+    Explicit(Vec<f64>),
 }
 
 /// A rule that makes knots.

@@ -105,8 +105,8 @@ pub use edit::{
 };
 pub use health::{Health, HealthVolume, Source, Verdict};
 pub use job::{
-    Amount, AxisLetters, BasisKind, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots, LatticeRequest, MethodKind,
-    MobilityKind, Objective, PerAxis, Precision, Preserve, ValueError, VolumeTarget,
+    Amount, AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots, LatticeRequest,
+    MethodKind, MobilityKind, Objective, PerAxis, Precision, Preserve, ValueError, VolumeTarget,
 };
 #[cfg(feature = "serde")]
 pub use job_text::JobTextError;

@@ -11,7 +11,7 @@ use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Status, correct
 use crate::edit::EditError;
 use crate::health::{Health, Source};
 use crate::job::{
-    AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, Knots, LatticeRequest, MethodKind, Preserve,
+    AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, LatticeRequest, MethodKind, Preserve,
     VolumeTarget,
 };
 use crate::lattice::{Frame, Lattice, LatticeError, Outside};
@@ -633,34 +633,36 @@ fn bases(request: &LatticeRequest, warnings: &mut Vec<String>) -> Result<[Basis;
         warnings
             .push("Degree and knots belong to B-splines; a Bernstein basis has degree size − 1 and needs none.".into());
     }
-    let explicit = match &request.knots {
-        Some(Knots::Explicit(vectors)) if !is_bernstein => Some(vectors),
-        _ => None,
-    };
     let degree = request.degree.map_or([DEGREE; 3], |d| d.each());
     let size = request.size.map(|s| s.each());
+    let knots = request.knots.clone().unwrap_or_default().each();
     let mut bases = Vec::with_capacity(3);
-    for (a, axis) in ['u', 'v', 'w'].into_iter().enumerate() {
-        let basis = if let Some(vectors) = explicit {
-            let basis = Basis::with_knots(vectors[a].clone(), degree[a]);
-            if let (Ok(basis), Some(size)) = (&basis, size)
-                && basis.size() != size[a]
-            {
-                let problem = format!("along {axis} makes {} control points, but size says {}", basis.size(), size[a]);
-                return Err(JobError::Value { key: "lattice.knots", problem });
+    for (a, (axis, knots)) in ['u', 'v', 'w'].into_iter().zip(knots).enumerate() {
+        let size_or_default = size.map_or(SIZE, |size| size[a]);
+        let basis = match knots {
+            _ if is_bernstein => Basis::bernstein(size_or_default),
+            AxisKnots::Explicit(knots) => {
+                let basis = Basis::with_knots(knots, degree[a]);
+                if let (Ok(basis), Some(size)) = (&basis, size)
+                    && basis.size() != size[a]
+                {
+                    let problem =
+                        format!("along {axis} makes {} control points, but size says {}", basis.size(), size[a]);
+                    return Err(JobError::Value { key: "lattice.knots", problem });
+                }
+                basis
             }
-            basis
-        } else {
-            let size = size.map_or(SIZE, |s| s[a]);
-            let mut degree = degree[a];
-            if degree >= size && !is_bernstein {
-                degree = size.saturating_sub(1).max(1);
-                warnings.push(format!("Along {axis}, {size} control points lower the degree to {degree}."));
-            }
-            match (is_bernstein, &request.knots) {
-                (true, _) => Basis::bernstein(size),
-                (false, Some(Knots::Rule(KnotRule::Uniform))) => Basis::uniform(size, degree),
-                _ => Basis::clamped(size, degree),
+            AxisKnots::Rule(rule) => {
+                let most = size_or_default.saturating_sub(1).max(1);
+                if degree[a] > most {
+                    warnings
+                        .push(format!("Along {axis}, {size_or_default} control points lower the degree to {most}."));
+                }
+                let made = match rule {
+                    KnotRule::Clamped => Basis::clamped,
+                    KnotRule::Uniform => Basis::uniform,
+                };
+                made(size_or_default, degree[a].min(most))
             }
         };
         bases.push(basis.map_err(|source: BasisError| LatticeError::Basis { axis, source })?);

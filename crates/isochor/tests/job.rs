@@ -372,6 +372,10 @@ fn knots_are_clamped_uniform_or_explicit() {
     assert_eq!(explicit.clone().map(|b| b.size()), [2, 3, 4]);
     assert_eq!(explicit[2].knots(), [0.0, 0.0, 0.2, 0.6, 1.0, 1.0]);
     assert_eq!(bases(&format!("{knots}size = [2, 3, 4]")).unwrap(), explicit);
+    let mixed =
+        bases("knots = [\"uniform\", [0, 0, 0.3, 1, 1], \"clamped\"]\ndegree = [2, 1, 3]\nsize = [5, 3, 7]").unwrap();
+    let expected = [Basis::uniform(5, 2), Basis::with_knots(vec![0.0, 0.0, 0.3, 1.0, 1.0], 1), Basis::clamped(7, 3)];
+    assert_eq!(mixed, expected.map(Result::unwrap));
     match bases(&format!("{knots}size = [2, 4, 4]")) {
         Err(JobError::Value { key: "lattice.knots", .. }) => {}
         other => panic!("{other:?}"),
