@@ -84,6 +84,8 @@ pub struct Correction {
     pub volume_before: f64,
     /// Signed volume after, measured near the model: before adding a far origin back rounds the coordinates.
     pub volume: f64,
+    /// The same of each component, in the order of its first face.
+    pub component_volumes: Vec<f64>,
     /// `|volume − target| / |target|`.
     pub relative_error: f64,
     /// How it ended.
@@ -300,6 +302,7 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
         vertices,
         volume_before,
         volume: end.volume,
+        component_volumes: solid.volumes(&end.vertices).components,
         relative_error,
         status,
         steps: end.steps,

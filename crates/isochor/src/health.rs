@@ -66,21 +66,11 @@ pub struct Health {
     pub area: f64,
     /// Signed volumes, virtual caps included, in the model's unit cubed: positive where faces are counter-clockwise seen
     /// from outside. None where the model bounds no body.
-    pub volume: Option<HealthVolume>,
+    pub volume: Option<Volumes>,
     /// Whether the volume can be preserved.
     pub verdict: Verdict,
     /// What a user should know, one sentence each.
     pub warnings: Vec<String>,
-}
-
-/// Signed volumes of a model.
-#[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Serialize))]
-pub struct HealthVolume {
-    /// Of all components together.
-    pub total: f64,
-    /// Of each component, in the order of its first face; a cavity is negative.
-    pub components: Vec<f64>,
 }
 
 /// Whether, and how, the volume of a model can be preserved.
@@ -165,7 +155,7 @@ impl Health {
             genus: topology.genus(),
             bounds: mesh.bounds().map(|Bounds { min, max }| [min.to_array(), max.to_array()]),
             area,
-            volume: volumes.map(|Volumes { total, components }| HealthVolume { total, components }),
+            volume: volumes,
             verdict,
             warnings,
         };

@@ -103,7 +103,7 @@ pub use edit::{
     Axis, Bend, Edit, EditError, Factors, LengthUnit, Move, Noise, Rotate, RotationAxis, Scale, SignedAxis, Stretch,
     Taper, Twist,
 };
-pub use health::{Health, HealthVolume, Source, Verdict};
+pub use health::{Health, Source, Verdict};
 pub use job::{
     Amount, AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots, LatticeRequest,
     MethodKind, MobilityKind, Objective, PerAxis, Precision, Preserve, ValueError, VolumeTarget,

@@ -246,6 +246,11 @@ impl Job {
         let mesh = input.mesh;
         let topology = topology(mesh);
         let (health, solid) = Health::of(mesh, &topology, input.source);
+        let at_rest = health.volume.clone();
+        let body = solid.map(|solid| {
+            let rest = at_rest.unwrap_or_else(|| solid.volumes(mesh.points()));
+            Body::new(solid, rest)
+        });
         let mut warnings = health.warnings.clone();
         let report = |volume, correction, warnings, watch: Stopwatch| Report {
             version: env!("CARGO_PKG_VERSION").into(),
@@ -258,7 +263,7 @@ impl Job {
         };
         watch.lap(Stage::Examine.name());
         if self.changes_nothing() {
-            let body = solid.ok().map(|solid| Body::at_rest(solid, mesh.points()));
+            let body = body.ok();
             let volume = body.as_ref().map(|body| body.rows(&body.rest, &body.rest));
             let report = report(volume, CorrectionReport::not_asked(), warnings, watch);
             return Ok(Outcome { points: mesh.points().to_vec(), controls: None, report, body, deformation: None });
@@ -300,10 +305,10 @@ impl Job {
         watch.lap(Stage::Deform.name());
 
         on_stage(Stage::Correct);
-        let (volume, correction, body);
+        let (volume, correction, kept);
         if self.preserve.volume == VolumeTarget::Free {
-            body = solid.ok().map(|solid| Body::at_rest(solid, mesh.points()));
-            volume = body.as_ref().map(|body| {
+            kept = body.ok();
+            volume = kept.as_ref().map(|body| {
                 let posed = body.solid.volumes(&points);
                 body.rows(&posed, &posed)
             });
@@ -312,19 +317,19 @@ impl Job {
             if self.preserve.open == OpenBoundaries::Refuse {
                 Solid::new(mesh, &topology, OpenBoundaries::Refuse)?;
             }
-            let kept = Body::at_rest(solid?, mesh.points());
-            if kept.solid.encloses_nothing(mesh.points(), kept.rest.total) {
-                return Err(JobError::NoVolume { volume: kept.rest.total });
+            let body = body?;
+            if body.solid.encloses_nothing(mesh.points(), body.rest.total) {
+                return Err(JobError::NoVolume { volume: body.rest.total });
             }
             let (method, coordinates) = self.method()?;
             let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
             mobility.iter_mut().for_each(|m| *m *= coordinates);
             let options = CorrectOptions { method, mobility: Some(mobility) };
-            let posed_volumes = kept.solid.volumes(&points);
-            let target = target_volume(&self.preserve.volume, &kept, &posed_volumes)?;
-            let pose = Pose { solid: &kept.solid, vertices: &points, binding: &binding };
-            let corrected = correct(&pose, target * kept.orientation, &options)
-                .map_err(|error| error.oriented(kept.orientation))?;
+            let posed_volumes = body.solid.volumes(&points);
+            let target = target_volume(&self.preserve.volume, &body, &posed_volumes)?;
+            let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
+            let corrected = correct(&pose, target * body.orientation, &options)
+                .map_err(|error| error.oriented(body.orientation))?;
             if let (Status::NotNearest, Some(residual)) = (corrected.status, corrected.residual) {
                 return Err(JobError::NotConverged { residual, limit: tolerances::KKT_ENOUGH });
             }
@@ -332,11 +337,12 @@ impl Job {
             displacement = displaced(&displacement, &corrected.displacement);
             posed = displaced(&posed, &corrected.displacement);
             points = corrected.vertices;
-            let mut rows = kept.rows(&posed_volumes, &kept.solid.volumes(&points));
+            let end = Volumes { total: corrected.volume, components: corrected.component_volumes };
+            let mut rows = body.rows(&posed_volumes, &end);
             rows.overall.target = Some(target);
-            rows.overall.relative_error = Some(((rows.overall.corrected - target) / target).abs());
+            rows.overall.relative_error = Some(corrected.relative_error);
             volume = Some(rows);
-            body = Some(kept);
+            kept = Some(body);
         }
         watch.lap(Stage::Correct.name());
 
@@ -345,7 +351,7 @@ impl Job {
             points: translated(&points, origin),
             controls: Some(saved),
             report: report(volume, correction, warnings, watch),
-            body,
+            body: kept,
             deformation: Some(Deformation { lattice: controls.lattice, displacement, outside, rest_points }),
         })
     }
@@ -465,8 +471,7 @@ struct Body {
 }
 
 impl Body {
-    fn at_rest(solid: Solid, points: &[DVec3]) -> Self {
-        let rest = solid.volumes(points);
+    fn new(solid: Solid, rest: Volumes) -> Self {
         let orientation = if rest.total < 0.0 { -1.0 } else { 1.0 };
         Self { solid, rest, orientation }
     }

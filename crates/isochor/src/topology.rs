@@ -3,7 +3,7 @@
 //! All of it is taken after vertices at bit-equal places have been welded (0 and −0 count as equal) and corners that fell
 //! together have been dropped, and it is counted on polygons, not on the triangles they are fanned into.
 
-use std::collections::HashMap;
+use rustc_hash::FxHashMap;
 
 use crate::mesh::Mesh;
 
@@ -90,13 +90,23 @@ struct HalfEdge {
     next: u32,
 }
 
+/// A half-edge, filed under its edge.
+#[derive(Clone, Copy, Default)]
+struct Side {
+    low: u32,
+    high: u32,
+    half_edge: u32,
+    /// Whether it runs from `low` to `high`.
+    is_forward: bool,
+}
+
 /// The topology of `mesh`. Time and memory are linear in the number of corners.
 #[must_use]
 pub fn topology(mesh: &Mesh) -> Topology {
     let welded = welded_vertices(mesh);
     let (vertices, face_count) = (welded.len(), mesh.faces().len());
     let (half_edges, collapsed_faces) = half_edges(mesh, &welded);
-    let edges = edges(&half_edges, vertices);
+    let edges = sides(&half_edges, vertices);
 
     let mut faces = DisjointSets::new(face_count);
     let mut fans = DisjointSets::new(half_edges.len());
@@ -105,22 +115,23 @@ pub fn topology(mesh: &Mesh) -> Topology {
     let mut first_nonmanifold_edge = None;
     let mut boundary_vertices = Vec::new();
     let mut unbalanced = Vec::new();
-    for group in edges.groups(&half_edges) {
+    for group in edges.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high)) {
         edge_count += 1;
-        let first = &half_edges[group[0] as usize];
-        let forward = group.iter().filter(|&&h| half_edges[h as usize].from == first.from).count();
+        let Side { low, high, .. } = group[0];
+        let forward = group.iter().filter(|side| side.is_forward).count();
         for pair in group.windows(2) {
-            faces.union(half_edges[pair[0] as usize].face, half_edges[pair[1] as usize].face);
+            faces.union(half_edges[pair[0].half_edge as usize].face, half_edges[pair[1].half_edge as usize].face);
         }
-        match *group {
+        match group {
             [_] => {
                 boundary_edges += 1;
-                boundary.union(first.from, first.to);
-                boundary_vertices.push(first.from);
+                boundary.union(low, high);
+                boundary_vertices.push(low);
             }
             [a, b] => {
                 // Both corners of the edge belong to one fan each.
-                let (a_next, b_next) = (first.next, half_edges[b as usize].next);
+                let (a, b) = (a.half_edge, b.half_edge);
+                let (a_next, b_next) = (half_edges[a as usize].next, half_edges[b as usize].next);
                 if forward == 1 {
                     fans.union(a, b_next);
                     fans.union(a_next, b);
@@ -132,15 +143,15 @@ pub fn topology(mesh: &Mesh) -> Topology {
             }
             _ => {
                 nonmanifold_edges += 1;
-                first_nonmanifold_edge.get_or_insert([first.from.min(first.to), first.from.max(first.to)]);
+                first_nonmanifold_edge.get_or_insert([low, high]);
             }
         }
         let backward = group.len() - forward;
         if forward != backward {
-            let from = if forward > backward { first.from } else { first.to };
-            let surplus = group.iter().map(|&h| &half_edges[h as usize]).filter(|h| h.from == from);
-            let face = surplus.clone().map(|h| h.face).min().expect("the surplus direction is run at least once");
-            let to = if forward > backward { first.to } else { first.from };
+            let (from, to) = if forward > backward { (low, high) } else { (high, low) };
+            let surplus = group.iter().filter(|side| side.is_forward == (from == low));
+            let face = surplus.map(|side| half_edges[side.half_edge as usize].face).min();
+            let face = face.expect("the surplus direction is run at least once");
             unbalanced.push(UnbalancedEdge { from, to, surplus: forward.abs_diff(backward) as u32, face });
         }
     }
@@ -201,7 +212,7 @@ pub fn topology(mesh: &Mesh) -> Topology {
 
 /// For each vertex the first vertex at the same place.
 fn welded_vertices(mesh: &Mesh) -> Vec<u32> {
-    let mut first_at = HashMap::with_capacity(mesh.points().len());
+    let mut first_at = FxHashMap::with_capacity_and_hasher(mesh.points().len(), Default::default());
     let place = |p: &glam::DVec3| p.to_array().map(|x| (x + 0.0).to_bits()); // −0 + 0 = 0
     mesh.points().iter().zip(0..).map(|(p, v)| *first_at.entry(place(p)).or_insert(v)).collect()
 }
@@ -234,24 +245,9 @@ fn half_edges(mesh: &Mesh, welded: &[u32]) -> (Vec<HalfEdge>, usize) {
     (half_edges, collapsed)
 }
 
-/// Half-edges sorted by their lower and higher vertex.
-struct Edges {
-    order: Vec<u32>,
-}
-
-impl Edges {
-    /// The half-edges of each edge, in file order within the edge.
-    fn groups<'a>(&'a self, half_edges: &'a [HalfEdge]) -> impl Iterator<Item = &'a [u32]> {
-        let ends = |h: u32| {
-            let h = &half_edges[h as usize];
-            (h.from.min(h.to), h.from.max(h.to))
-        };
-        self.order.chunk_by(move |&a, &b| ends(a) == ends(b))
-    }
-}
-
-/// Counting sort by lower vertex, then a small sort per vertex by higher vertex.
-fn edges(half_edges: &[HalfEdge], vertices: usize) -> Edges {
+/// All half-edges by their lower and higher vertex, in file order within an edge: a counting sort by lower vertex, then a small
+/// sort per vertex.
+fn sides(half_edges: &[HalfEdge], vertices: usize) -> Vec<Side> {
     let mut starts = vec![0u32; vertices + 1];
     for h in half_edges {
         starts[h.from.min(h.to) as usize + 1] += 1;
@@ -260,17 +256,17 @@ fn edges(half_edges: &[HalfEdge], vertices: usize) -> Edges {
         starts[v + 1] += starts[v];
     }
     let mut next = starts.clone();
-    let mut order = vec![0u32; half_edges.len()];
-    for (h, half_edge) in (0u32..).zip(half_edges) {
-        let slot = &mut next[half_edge.from.min(half_edge.to) as usize];
-        order[*slot as usize] = h;
+    let mut sides = vec![Side::default(); half_edges.len()];
+    for (half_edge, h) in (0..).zip(half_edges) {
+        let (low, high) = (h.from.min(h.to), h.from.max(h.to));
+        let slot = &mut next[low as usize];
+        sides[*slot as usize] = Side { low, high, half_edge, is_forward: h.from == low };
         *slot += 1;
     }
-    for v in 0..vertices {
-        let bucket = &mut order[starts[v] as usize..starts[v + 1] as usize];
-        bucket.sort_unstable_by_key(|&h| (half_edges[h as usize].from.max(half_edges[h as usize].to), h));
+    for bucket in starts.windows(2) {
+        sides[bucket[0] as usize..bucket[1] as usize].sort_unstable_by_key(|side| (side.high, side.half_edge));
     }
-    Edges { order }
+    sides
 }
 
 /// Disjoint sets of 0..n under union; the root of a set is its least member.

@@ -69,6 +69,7 @@ struct Cap {
 
 /// Signed volumes of a pose, in the cube of its length unit: positive where faces are counter-clockwise seen from outside.
 #[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct Volumes {
     /// The whole mesh: the sum of the components.
     pub total: f64,

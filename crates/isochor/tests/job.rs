@@ -760,3 +760,19 @@ fn reports_are_json_with_the_names_that_programs_read() {
     assert_eq!(json["model"]["verdict"], "ok");
     assert!(json["timings_ms"]["correct"].as_f64().unwrap() >= 0.0);
 }
+
+#[test]
+fn a_model_that_an_edit_moves_far_away_is_exact_before_its_coordinates_are_rounded() {
+    let mesh = icosphere(3);
+    for extents in [1e2, 1e4, 1e6] {
+        let edits = format!(
+            "edit = [{{ stretch = {{ axis = \"z\", scale = 0.6 }} }}, {{ move = {{ by = [{extents}, 0, 0], unit = \"extent\" }} }}]"
+        );
+        for method in ["nearest", "gradient", "axes"] {
+            let outcome = run(&mesh, &format!("{edits}\npreserve = {{ method = \"{method}\" }}")).unwrap();
+            let row = outcome.report.volume.unwrap().overall;
+            assert!(row.relative_error.unwrap() <= PROMISED, "{method} at {extents}: {row:?}");
+            assert_eq!(row.relative_error, Some(((row.corrected - row.rest) / row.rest).abs()));
+        }
+    }
+}
