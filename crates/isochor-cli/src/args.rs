@@ -170,6 +170,9 @@ pub struct DeformArgs {
     /// Correct near a vertex only: its number and a radius in extents, 1204:0.3.
     #[arg(long, value_name = "VERTEX:RADIUS", help_heading = "Volume")]
     pub falloff: Option<String>,
+    /// A vertex that must come to an exact place, in model coordinates: 1204:0.1,0.2,0.9. May be repeated.
+    #[arg(long, value_name = "VERTEX:X,Y,Z", help_heading = "Volume")]
+    pub point: Vec<String>,
     /// What to do about open models.
     #[arg(long, value_enum, help_heading = "Volume")]
     pub open: Option<OpenArg>,

@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use isochor::{
-    Axis, Bend, Edit, Factors, Falloff, LengthUnit, Move, Noise, PerAxis, Rotate, RotationAxis, Scale, Selector,
-    SignedAxis, Stretch, Taper, Twist,
+    Axis, Bend, Edit, Factors, Falloff, LengthUnit, Move, Noise, PerAxis, PointRequest, Rotate, RotationAxis, Scale,
+    Selector, SignedAxis, Stretch, Taper, Twist,
 };
 
 use crate::failure::Failure;
@@ -158,4 +158,14 @@ pub fn falloff(text: &str) -> Result<Falloff, Failure> {
         Some(Falloff { vertex: vertex.trim().parse().ok()?, radius: number(radius)? })
     };
     parsed().ok_or_else(|| refused("falloff", text, "1204:0.3"))
+}
+
+/// `1204:0.1,0.2,0.9`
+pub fn point(text: &str) -> Result<PointRequest, Failure> {
+    let parsed = || {
+        let (vertex, to) = text.split_once(':')?;
+        let [x, y, z] = numbers(to)?[..] else { return None };
+        Some(PointRequest { vertex: vertex.trim().parse().ok()?, to: DVec3::new(x, y, z) })
+    };
+    parsed().ok_or_else(|| refused("point", text, "1204:0.1,0.2,0.9"))
 }

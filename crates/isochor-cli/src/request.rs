@@ -180,6 +180,9 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
     if let Some(text) = &args.falloff {
         preserve.falloff = Some(flags::falloff(text)?);
     }
+    for text in &args.point {
+        preserve.points.push(flags::point(text)?);
+    }
     match args.open {
         Some(OpenArg::Cap) => preserve.open = OpenBoundaries::Cap,
         Some(OpenArg::Refuse) => preserve.open = OpenBoundaries::Refuse,

@@ -411,6 +411,8 @@ fn flags_change_the_result() {
         "--preserve xy --method nearest",
         "--preserve xy --method gradient",
         "--method axes",
+        "--point 0:0.1,0.2,0.05",
+        "--point 0:0.1,0.2,0.05 --point 9:0.5,0.5,0.5",
         "--preserve yx",
         "--preserve free",
         "--preserve xy --shares 1,2",

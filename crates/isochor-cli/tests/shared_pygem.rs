@@ -122,7 +122,7 @@ fn correction_along_the_axes_agrees_with_pygem() {
         let mask = case["mask"].as_array().unwrap().iter();
         let free = |row: &Value, a: usize| if row[a].as_bool().unwrap() { 1.0 } else { 0.0 };
         let mobility = mask.map(|row| DVec3::new(free(row, 0), free(row, 1), free(row, 2))).collect();
-        let options = CorrectOptions { method: Method::xyz(), mobility: Some(mobility) };
+        let options = CorrectOptions { method: Method::xyz(), mobility: Some(mobility), ..CorrectOptions::default() };
         let pose = Pose { solid: &solid, vertices: &vertices, binding: &binding };
         let corrected = correct(&pose, sixfold("six_volume_target"), &options).unwrap();
         assert!(corrected.relative_error <= 1e-15, "{name}: {}", corrected.relative_error);

@@ -23,6 +23,7 @@ use glam::DVec3;
 
 use crate::binding::{Binding, displaced, translated};
 use crate::mesh::Bounds;
+use crate::points::{CoordinateRows, Missed, PointTarget};
 use crate::tolerances;
 use crate::volume::Solid;
 use crate::{axes, gradient, nearest};
@@ -45,6 +46,8 @@ pub struct CorrectOptions {
     pub method: Method,
     /// Mobility of each control coordinate (#controls × 3), ≥ 0; 0 pins it exactly. `None`: 1 everywhere.
     pub mobility: Option<Vec<DVec3>>,
+    /// Points that must come to exact places as well, in the coordinates of the pose.
+    pub points: Vec<PointTarget>,
 }
 
 /// Which way the controls go.
@@ -88,6 +91,8 @@ pub struct Correction {
     pub component_volumes: Vec<f64>,
     /// `|volume − target| / |target|`.
     pub relative_error: f64,
+    /// How far the point that misses most is from its target, in extents of the pose; 0 without points.
+    pub point_error: f64,
     /// How it ended.
     pub status: Status,
     /// Exact steps taken, the final ones against rounding included.
@@ -168,6 +173,14 @@ pub enum CorrectError {
         /// The target.
         target: f64,
     },
+    /// A point that names a control that does not exist, or a place that is not finite.
+    #[error("point {point} is not a point of this binding: {what}")]
+    Point {
+        /// Its index in the list.
+        point: usize,
+        /// What is wrong with it.
+        what: String,
+    },
     /// No displacement of the kind asked for gives the wanted volume.
     #[error("the volume cannot become {target:e} (it is {volume:e}): impossible, because {reason}")]
     Impossible {
@@ -200,6 +213,22 @@ pub enum Reason {
     Turns {
         /// The last volume before it turns back.
         limit: f64,
+    },
+    /// Points cannot all come to their targets: they contradict one another, follow no movable control, or only pinned ones.
+    #[error("point {point} misses its target by {by:e} whatever the movable controls do, given the other points")]
+    Contradiction {
+        /// Index of the point that misses most.
+        point: usize,
+        /// By how far it misses along one direction.
+        by: f64,
+    },
+    /// A target lies off the axes along which controls may move.
+    #[error("point {point} is to move by {by:e} across the chosen axes, along which alone controls move")]
+    OffAxes {
+        /// Index of the point.
+        point: usize,
+        /// By how far its target is off.
+        by: f64,
     },
     /// The model is so thin, or its vertices would have to go so far, that moving one of them by one rounding changes the
     /// volume by more than is allowed.
@@ -263,24 +292,43 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
         return Err(CorrectError::Target { target });
     }
 
-    let origin = Bounds::of(pose.vertices).map_or(DVec3::ZERO, |b| b.lossless_origin());
+    for (point, PointTarget { weights, position, target }) in options.points.iter().enumerate() {
+        if let Some((control, _)) = weights.iter().find(|(control, _)| *control >= controls) {
+            let what = format!("it follows control {control} of {controls}");
+            return Err(CorrectError::Point { point, what });
+        }
+        if !(position.is_finite() && target.is_finite() && weights.iter().all(|(_, w)| w.is_finite())) {
+            return Err(CorrectError::Point { point, what: "its numbers must be finite".into() });
+        }
+    }
+
+    let bounds = Bounds::of(pose.vertices);
+    let (origin, extent) = bounds.map_or((DVec3::ZERO, 0.0), |b| (b.lossless_origin(), b.extent()));
     let vertices: Vec<DVec3> = pose.vertices.iter().map(|p| *p - origin).collect();
     let volume_before = solid.volume(&vertices);
-    let problem = Problem { solid, binding, mobility, posed: vertices.clone(), target, volume_before };
+    let points = &options.points[..];
+    let rows = (!points.is_empty()).then(|| CoordinateRows::new(points, &roots(&mobility)));
+    let posed = vertices.clone();
+    let problem = Problem { solid, binding, mobility, posed, target, volume_before, extent, points, rows };
     let start =
         State { displacement: vec![DVec3::ZERO; controls], vertices, volume: volume_before, steps: 0, residual: None };
 
-    let (end, has_moved) = if problem.is_met(volume_before) {
+    let (end, has_moved) = if problem.is_met(volume_before) && problem.point_error(&start) <= f64::EPSILON {
         (start, false)
     } else {
         problem.check_movable()?;
         let end = match &options.method {
-            Method::Gradient => gradient::corrected(&problem, start)?,
-            Method::Nearest => nearest::corrected(&problem, start)?,
+            Method::Gradient => gradient::corrected(&problem, problem.with_points(start)?)?,
+            Method::Nearest => nearest::corrected(&problem, problem.with_points(start)?)?,
             Method::Axes { directions, shares } => axes::corrected(&problem, start, directions, shares.as_deref())?,
         };
         (end, true)
     };
+    let point_error = problem.point_error(&end);
+    if point_error > tolerances::POINT {
+        let reason = problem.worst_point(&end);
+        return Err(problem.impossible(reason));
+    }
     let relative_error = ((end.volume - target) / target).abs();
     if !relative_error.is_finite() {
         return Err(problem.impossible(Reason::Overflow));
@@ -304,6 +352,7 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
         volume: end.volume,
         component_volumes: solid.volumes(&end.vertices).components,
         relative_error,
+        point_error,
         status,
         steps: end.steps,
         residual: end.residual,
@@ -319,6 +368,16 @@ pub(crate) struct Problem<'a> {
     posed: Vec<DVec3>,
     pub(crate) target: f64,
     pub(crate) volume_before: f64,
+    /// Of the posed vertices.
+    pub(crate) extent: f64,
+    pub(crate) points: &'a [PointTarget],
+    /// What moves a point, where there are points.
+    rows: Option<CoordinateRows>,
+}
+
+/// √m ∘ (#controls × 3).
+pub(crate) fn roots(mobility: &[DVec3]) -> Vec<DVec3> {
+    mobility.iter().map(|m| DVec3::from_array(m.to_array().map(f64::sqrt))).collect()
 }
 
 /// Where a correction stands.
@@ -363,8 +422,58 @@ impl Problem<'_> {
         CorrectError::Impossible { target: self.target, volume: self.volume_before, reason }
     }
 
+    /// How far each point still has to go (#points).
+    pub(crate) fn moves(&self, state: &State) -> Vec<DVec3> {
+        let left = |point: &PointTarget| {
+            let moved: DVec3 = point.weights.iter().map(|(c, w)| *w * state.displacement[*c]).sum();
+            point.target - point.position - moved
+        };
+        self.points.iter().map(left).collect()
+    }
+
+    /// The largest miss of a point, in extents.
+    fn point_error(&self, state: &State) -> f64 {
+        self.moves(state).iter().map(|m| m.length()).fold(0.0, f64::max) / self.extent
+    }
+
+    fn worst_point(&self, state: &State) -> Reason {
+        let misses = self.moves(state).into_iter().map(|m| m.length()).enumerate();
+        let (point, by) = misses.fold((0, 0.0), |worst, miss| if miss.1 > worst.1 { miss } else { worst });
+        Reason::Contradiction { point, by }
+    }
+
+    /// `state` with the points brought to their targets by the smallest displacement.
+    fn with_points(&self, state: State) -> Result<State, CorrectError> {
+        let Some(rows) = &self.rows else { return Ok(state) };
+        let controls = rows
+            .least(&self.moves(&state), tolerances::POINT * self.extent)
+            .map_err(|Missed { point, by }| self.impossible(Reason::Contradiction { point, by }))?;
+        let vertices = self.binding.apply(&controls);
+        let mut state = state.after(&Step { controls, vertices });
+        state.volume = self.solid.volume(&state.vertices);
+        Ok(state)
+    }
+
+    /// M ∘ g (#controls × 3), less what would move a point.
+    pub(crate) fn pull(&self, gradient: &[DVec3]) -> Vec<DVec3> {
+        let Some(rows) = &self.rows else {
+            return gradient.iter().zip(&self.mobility).map(|(g, m)| *g * *m).collect();
+        };
+        let roots = roots(&self.mobility);
+        let mut y: Vec<DVec3> = gradient.iter().zip(&roots).map(|(g, s)| *g * *s).collect();
+        rows.project(&mut y);
+        y.iter().zip(&roots).map(|(y, s)| *y * *s).collect()
+    }
+
+    /// Takes away from y = δ/√m (#controls × 3) what would move a point.
+    pub(crate) fn project(&self, y: &mut [DVec3]) {
+        if let Some(rows) = &self.rows {
+            rows.project(y);
+        }
+    }
+
     /// Whether `volume` is the target, to its own rounding.
-    fn is_met(&self, volume: f64) -> bool {
+    pub(crate) fn is_met(&self, volume: f64) -> bool {
         (volume - self.target).abs() <= tolerances::VOLUME_ROUNDING * self.target.abs()
     }
 

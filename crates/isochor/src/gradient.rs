@@ -14,13 +14,13 @@ use crate::tolerances;
 
 /// Corrects by one step along the gradient.
 pub(crate) fn corrected(problem: &Problem, state: State) -> Result<State, CorrectError> {
-    let line = Line::at(problem, &state).ok_or_else(|| problem.impossible(Reason::Dead))?;
-    let deficit = problem.target - problem.volume_before;
-    let cubic = line.cubic(problem, &state);
-    let t = cubic
-        .first_root(deficit)
-        .map_err(|reach| problem.impossible(Reason::Turns { limit: problem.volume_before + reach }))?;
-    let state = state.after(&line.step(t));
+    let mut state = state;
+    if !problem.is_met(state.volume) {
+        let line = Line::at(problem, &state).ok_or_else(|| problem.impossible(Reason::Dead))?;
+        let turns = |reach| problem.impossible(Reason::Turns { limit: state.volume + reach });
+        let t = line.cubic(problem, &state).first_root(problem.target - state.volume).map_err(turns)?;
+        state = state.after(&line.step(t));
+    }
     Ok(problem.finished(state, |state, deficit| {
         let line = Line::at(problem, state)?;
         Some(line.step(deficit / line.slope))
@@ -29,9 +29,9 @@ pub(crate) fn corrected(problem: &Problem, state: State) -> Result<State, Correc
 
 /// The line `C + t D` through a state.
 pub(crate) struct Line {
-    /// D = M ∘ Wᵀ g (#controls × 3) and d = W D (#vertices × 3).
+    /// D = M ∘ Wᵀ g (#controls × 3), less what would move a point, and d = W D (#vertices × 3).
     unit: Step,
-    /// a₁ = Σ m (Wᵀ g)².
+    /// a₁ = (Wᵀ g) · D.
     pub(crate) slope: f64,
 }
 
@@ -39,7 +39,7 @@ impl Line {
     /// `None` where the volume depends on no control.
     pub(crate) fn at(problem: &Problem, state: &State) -> Option<Self> {
         let gradient = problem.binding.adjoint(&problem.solid.volume_gradient(&state.vertices));
-        let controls: Vec<_> = gradient.iter().zip(&problem.mobility).map(|(g, m)| *g * *m).collect();
+        let controls = problem.pull(&gradient);
         let slope = gradient.iter().zip(&controls).map(|(g, d)| g.dot(*d)).sum::<f64>();
         let most = problem.mobility.iter().map(|m| m.max_element()).fold(0.0, f64::max);
         let limit = tolerances::DEAD_AXIS * problem.solid.area(&state.vertices);

@@ -217,6 +217,8 @@ pub struct Preserve {
     pub mobility: MobilityKind,
     /// Mobility that falls with the distance from a vertex: HB's local preservation.
     pub falloff: Option<Falloff>,
+    /// Vertices that must come to exact places as well.
+    pub points: Vec<PointRequest>,
     /// What to do about boundaries.
     pub open: OpenBoundaries,
     /// Whether foldings are looked for.
@@ -270,6 +272,17 @@ pub struct Falloff {
     pub vertex: usize,
     /// Distance at which the mobility has fallen to 1/e, in extents of the model.
     pub radius: f64,
+}
+
+/// A vertex that must come to an exact place.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(deny_unknown_fields))]
+pub struct PointRequest {
+    /// The vertex, 0-based in file order (STL: distinct corners in order of appearance).
+    pub vertex: usize,
+    /// Where it must come, in model coordinates.
+    #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::exact::vector"))]
+    pub to: DVec3,
 }
 
 /// Directions to correct along.

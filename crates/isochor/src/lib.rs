@@ -46,7 +46,7 @@
 //!
 //! let method = Method::Axes { directions: vec![glam::DVec3::X, glam::DVec3::Y], shares: None };
 //! let pose = Pose { solid: &solid, vertices: &posed, binding: &binding };
-//! let corrected = correct(&pose, 1.0, &CorrectOptions { method, mobility: None })?;
+//! let corrected = correct(&pose, 1.0, &CorrectOptions { method, ..CorrectOptions::default() })?;
 //! assert!((solid.volume(&corrected.vertices) - 1.0).abs() < 1e-13);
 //! # Ok::<(), isochor::CorrectError>(())
 //! ```
@@ -88,6 +88,7 @@ mod mesh;
 mod nearest;
 mod outcome;
 mod parallel;
+mod points;
 mod posed;
 mod report;
 mod select;
@@ -106,13 +107,14 @@ pub use edit::{
 pub use health::{Health, Source, Verdict};
 pub use job::{
     Amount, AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots, LatticeRequest,
-    MethodKind, MobilityKind, Objective, PerAxis, Precision, Preserve, ValueError, VolumeTarget,
+    MethodKind, MobilityKind, Objective, PerAxis, PointRequest, Precision, Preserve, ValueError, VolumeTarget,
 };
 #[cfg(feature = "serde")]
 pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{JobError, JobInput, Outcome, PosedLattice, Stage};
+pub use points::PointTarget;
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use report::{CorrectionReport, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
 pub use select::{ControlSpace, SelectError, Selector};

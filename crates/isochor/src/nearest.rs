@@ -9,13 +9,12 @@
 //! which stop at negative curvature (T. Steihaug, *The conjugate gradient method and trust regions in large scale
 //! optimization*, 1983). Each iterate is brought back to the surface by the exact cubic of [`crate::gradient`], so every one
 //! has the wanted volume and the distance |y| falls from one to the next: the iteration cannot diverge, however large the
-//! deficit is. It starts from the gradient's correction, or, where the volume turns back on that line, from that along the axes.
+//! deficit is. Points that must come to exact places take their rows out of y, h and every step. It starts from the gradient's correction, or, where the volume turns back on that line, from that along the axes.
 
 use glam::DVec3;
 
-use crate::correct::{CorrectError, Problem, State};
+use crate::correct::{CorrectError, Problem, State, roots};
 use crate::gradient::Line;
-use crate::mesh::Bounds;
 use crate::tolerances;
 use crate::{axes, gradient};
 
@@ -33,11 +32,11 @@ struct Iterate {
     state: State,
     /// δ/√m (#controls × 3), 0 where m = 0.
     y: Vec<DVec3>,
-    /// √m ∘ ∇V (#controls × 3).
+    /// √m ∘ ∇V (#controls × 3), less what would move a point.
     h: Vec<DVec3>,
     /// μ.
     multiplier: f64,
-    /// y − μ h.
+    /// y − μ h, less what would move a point.
     residual: Vec<DVec3>,
     /// `‖δ − μ M ∘ ∇V‖∞`, in extents.
     residual_norm: f64,
@@ -76,13 +75,11 @@ struct Search<'a> {
     problem: &'a Problem<'a>,
     /// √m (#controls × 3).
     roots: Vec<DVec3>,
-    extent: f64,
 }
 
 impl<'a> Search<'a> {
     fn new(problem: &'a Problem) -> Self {
-        let roots = problem.mobility.iter().map(|m| DVec3::from_array(m.to_array().map(f64::sqrt))).collect();
-        Self { problem, roots, extent: Bounds::of(problem.posed()).map_or(0.0, |b| b.extent()) }
+        Self { problem, roots: roots(&problem.mobility) }
     }
 
     /// A state on the surface with all that the next step needs.
@@ -90,11 +87,14 @@ impl<'a> Search<'a> {
         let divided = |d: DVec3, s: DVec3| DVec3::select(s.cmpeq(DVec3::ZERO), DVec3::ZERO, d / s);
         let y: Vec<DVec3> = state.displacement.iter().zip(&self.roots).map(|(d, s)| divided(*d, *s)).collect();
         let gradient = self.problem.solid.volume_gradient(&state.vertices);
-        let h = self.scaled(&self.problem.binding.adjoint(&gradient));
+        let mut h = self.scaled(&self.problem.binding.adjoint(&gradient));
+        self.problem.project(&mut h);
         let multiplier = dot(&y, &h) / dot(&h, &h);
-        let residual: Vec<DVec3> = y.iter().zip(&h).map(|(y, h)| *y - multiplier * *h).collect();
+        let mut free = y.clone();
+        self.problem.project(&mut free);
+        let residual: Vec<DVec3> = free.iter().zip(&h).map(|(y, h)| *y - multiplier * *h).collect();
         let largest = self.scaled(&residual).iter().map(|r| r.abs().max_element()).fold(0.0, f64::max);
-        Iterate { state, y, h, multiplier, residual, residual_norm: largest / self.extent }
+        Iterate { state, y, h, multiplier, residual, residual_norm: largest / self.problem.extent }
     }
 
     /// The next pose on the surface that is nearer, by a Newton step or a fraction of it.
@@ -133,7 +133,8 @@ impl<'a> Search<'a> {
 
     /// Conjugate gradients on `P (I − μ H) P d = −r`, as far as curvature is positive.
     fn newton_direction(&self, at: &Iterate) -> Vec<DVec3> {
-        let tangential = |v: Vec<DVec3>| {
+        let tangential = |mut v: Vec<DVec3>| {
+            self.problem.project(&mut v);
             let along = dot(&v, &at.h) / dot(&at.h, &at.h);
             v.iter().zip(&at.h).map(|(v, h)| *v - along * *h).collect::<Vec<_>>()
         };

@@ -5,17 +5,18 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::binding::{displaced, translated};
+use crate::binding::{Binding, displaced, translated};
 use crate::bspline::{Basis, BasisError};
-use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Status, correct};
+use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Reason, Status, correct};
 use crate::edit::EditError;
 use crate::health::{Health, Source};
 use crate::job::{
-    AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, LatticeRequest, MethodKind, Preserve,
-    VolumeTarget,
+    AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, LatticeRequest, MethodKind, PointRequest,
+    Preserve, VolumeTarget,
 };
 use crate::lattice::{Frame, Lattice, LatticeError, Outside};
 use crate::mesh::{Bounds, Mesh};
+use crate::points::PointTarget;
 use crate::report::{CorrectionReport, Report, Stopwatch, VolumeReport, VolumeRow};
 use crate::select::{ControlSpace, SelectError};
 use crate::tolerances;
@@ -199,6 +200,10 @@ impl JobError {
             Self::Pin(_) => "preserve.pin".into(),
             Self::Solid(SolidError::Open { .. }) => "preserve.open".into(),
             Self::Solid(_) | Self::NoVolume { .. } => "model".into(),
+            Self::Correct(CorrectError::Impossible {
+                reason: Reason::Contradiction { point, .. } | Reason::OffAxes { point, .. },
+                ..
+            }) => format!("preserve.points[{point}]"),
             Self::Correct(_) => "preserve".into(),
             Self::NotConverged { .. } => "preserve.method".into(),
             Self::Value { key, .. } | Self::MissingVertex { key, .. } => (*key).into(),
@@ -324,7 +329,8 @@ impl Job {
             let (method, coordinates) = self.method()?;
             let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
             mobility.iter_mut().for_each(|m| *m *= coordinates);
-            let options = CorrectOptions { method, mobility: Some(mobility) };
+            let points_to_meet = self.points(&binding, &points, origin)?;
+            let options = CorrectOptions { method, mobility: Some(mobility), points: points_to_meet };
             let posed_volumes = body.solid.volumes(&points);
             let target = target_volume(&self.preserve.volume, &body, &posed_volumes)?;
             let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
@@ -404,6 +410,16 @@ impl Job {
             Some(letters) => Ok((other, letters.vectors().iter().sum())),
             None => Ok((other, DVec3::ONE)),
         }
+    }
+
+    /// The points that must come to exact places, near the model.
+    fn points(&self, binding: &Binding, posed: &[DVec3], origin: DVec3) -> Result<Vec<PointTarget>, JobError> {
+        let point = |&PointRequest { vertex, to }: &PointRequest| {
+            let (key, vertices) = ("preserve.points", posed.len());
+            let position = *posed.get(vertex).ok_or(JobError::MissingVertex { key, vertex, vertices })?;
+            Ok(PointTarget { weights: binding.weights(vertex), position, target: to - origin })
+        };
+        self.preserve.points.iter().map(point).collect()
     }
 
     /// Mobility of each control coordinate: of the lattice file, times falloff, times what pins leave.

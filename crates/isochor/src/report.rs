@@ -67,6 +67,8 @@ pub struct CorrectionReport {
     pub iterations: usize,
     /// How far "nearest" is from its condition, in extents; none for other methods.
     pub residual: Option<f64>,
+    /// How far the point that misses most is from its place, in extents; 0 without points.
+    pub point_error: f64,
     /// Farthest that the correction moved a vertex.
     pub max_displacement: f64,
     /// The same, in extents.
@@ -103,6 +105,7 @@ impl CorrectionReport {
             status: status.into(),
             iterations: correction.steps,
             residual: correction.residual,
+            point_error: correction.point_error,
             max_displacement,
             max_displacement_relative: max_displacement / extent,
             rms_displacement,

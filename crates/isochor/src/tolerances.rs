@@ -25,6 +25,14 @@ pub const VOLUME: f64 = 1e-13;
 /// Below this relative volume error no further correction step is tried: a few roundings of the volume itself.
 pub const VOLUME_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
+/// A point's row whose part that is independent of the other points' is below this fraction of it counts as dependent. Larger:
+/// points close together are taken for one; smaller: they pull controls apart without bound.
+pub const DEPENDENT_ROW: f64 = 1e-10;
+
+/// Points must come to their targets within this fraction of the extent. Larger: exact would not mean exact; smaller: rounding
+/// is taken for a contradiction.
+pub const POINT: f64 = 1e-12;
+
 /// The nearest correction stops where `‖δ − μ M ∘ ∇V‖∞` is below this fraction of the extent. Larger: the displacement is longer
 /// than it need be; smaller: rounding is chased.
 pub const KKT: f64 = 1e-12;

@@ -96,7 +96,7 @@ impl Posed {
     }
 
     fn correct(&self, target: f64, method: Method, mobility: Option<&[DVec3]>) -> Result<Correction, CorrectError> {
-        let options = CorrectOptions { method, mobility: mobility.map(<[DVec3]>::to_vec) };
+        let options = CorrectOptions { method, mobility: mobility.map(<[DVec3]>::to_vec), ..CorrectOptions::default() };
         correct(&self.pose(), target, &options)
     }
 
@@ -226,7 +226,7 @@ proptest! {
             posed.vertices = far.iter().map(|p| *p - origin).collect();
             let target = change * posed.volume;
             for method in [Method::Gradient, Method::xyz(), random.axes()] {
-                let options = CorrectOptions { method: method.clone(), mobility: None };
+                let options = CorrectOptions { method: method.clone(), mobility: None, ..CorrectOptions::default() };
                 let pose = Pose { vertices: &far, ..posed.pose() };
                 let corrected = correct(&pose, target, &options).unwrap();
                 prop_assert!(corrected.relative_error <= PROMISED);

@@ -44,7 +44,7 @@ fn everything(mesh: &Mesh) -> Vec<(&'static str, Vec<u64>)> {
     ];
     let pose = Pose { solid: &solid, vertices: &posed, binding: &binding };
     for (name, method) in [("gradient method", Method::Gradient), ("axes method", Method::xyz())] {
-        let options = CorrectOptions { method, mobility: None };
+        let options = CorrectOptions { method, mobility: None, ..CorrectOptions::default() };
         let corrected = correct(&pose, 1.1 * volumes.total, &options).unwrap();
         let summary = [corrected.volume, corrected.volume_before, corrected.relative_error, corrected.steps as f64];
         all.push((name, [vectors(&corrected.displacement), vectors(&corrected.vertices), numbers(&summary)].concat()));

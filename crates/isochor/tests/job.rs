@@ -776,3 +776,45 @@ fn a_model_that_an_edit_moves_far_away_is_exact_before_its_coordinates_are_round
         }
     }
 }
+
+#[test]
+fn points_come_to_their_places_near_the_origin_and_far_from_it() {
+    for shift in [DVec3::ZERO, DVec3::new(2e5, -3e5, 1e5)] {
+        let near = bottle(24, 30);
+        let mesh = near.with_points(near.points().iter().map(|p| *p + shift).collect()).unwrap();
+        let to = |v: usize, by: DVec3| mesh.points()[v] + by;
+        let places = [(100, to(100, DVec3::new(0.1, 0.0, 0.2))), (400, to(400, DVec3::ZERO))];
+        let list: Vec<String> =
+            places.iter().map(|(v, p)| format!("{{ vertex = {v}, to = [{:?}, {:?}, {:?}] }}", p.x, p.y, p.z)).collect();
+        for method in ["nearest", "gradient", "axes"] {
+            let preserve =
+                format!("preserve = {{ method = \"{method}\", points = [{}], pin = {{ k = 0 }} }}", list.join(", "));
+            let outcome = run(&mesh, &format!("{EDITS}{preserve}")).unwrap();
+            for (v, place) in places {
+                let rounding = 4.0 * f64::EPSILON * shift.length();
+                assert!(outcome.points[v].distance(place) <= 1e-12 * 3.0 + rounding, "{method}");
+            }
+            assert!(outcome.report.correction.point_error <= 1e-12);
+            assert!(outcome.report.volume.unwrap().overall.relative_error.unwrap() <= PROMISED);
+        }
+    }
+}
+
+#[test]
+fn points_that_cannot_be_met_are_named() {
+    let mesh = bottle(24, 30);
+    let refused = |preserve: &str| run(&mesh, &format!("{EDITS}preserve = {{ {preserve} }}")).unwrap_err();
+    let missing = refused("points = [{ vertex = 99999, to = [0, 0, 0] }]");
+    assert!(
+        matches!(missing, JobError::MissingVertex { key: "preserve.points", vertex: 99999, .. })
+            && !missing.is_unreachable()
+    );
+    let twice = refused("points = [{ vertex = 5, to = [0, 0, 0] }, { vertex = 5, to = [0, 0, 1] }]");
+    assert_eq!(
+        (twice.code(), twice.place().as_str(), twice.is_unreachable()),
+        ("impossible", "preserve.points[1]", true)
+    );
+    let off = refused("axes = \"xy\", points = [{ vertex = 5, to = [0, 0, 9] }]");
+    assert_eq!((off.place().as_str(), off.is_unreachable()), ("preserve.points[0]", true));
+    assert!(off.to_string().contains("across the chosen axes"), "{off}");
+}

@@ -48,7 +48,7 @@ impl Posed {
 
     fn correct(&self, target: f64, method: Method, mobility: Option<&[DVec3]>) -> Correction {
         let pose = Pose { solid: &self.solid, vertices: &self.vertices, binding: &self.binding };
-        let options = CorrectOptions { method, mobility: mobility.map(<[DVec3]>::to_vec) };
+        let options = CorrectOptions { method, mobility: mobility.map(<[DVec3]>::to_vec), ..CorrectOptions::default() };
         let corrected = correct(&pose, target, &options).unwrap();
         assert!(corrected.relative_error <= 1e-13, "{:e}", corrected.relative_error);
         corrected
@@ -188,7 +188,7 @@ proptest! {
             let moved: Vec<DVec3> = nearest.displacement.iter().map(|d| *d + size * random.vector()).collect();
             let vertices = displaced(&posed.vertices, &posed.binding.apply(&moved));
             let pose = Pose { solid: &posed.solid, vertices: &vertices, binding: &posed.binding };
-            let options = CorrectOptions { method: Method::Gradient, mobility: None };
+            let options = CorrectOptions { method: Method::Gradient, mobility: None, ..CorrectOptions::default() };
             let Ok(back) = correct(&pose, target, &options) else { continue };
             let other: Vec<DVec3> = moved.iter().zip(&back.displacement).map(|(a, b)| *a + *b).collect();
             prop_assert!(cost(&other, &mobility) >= least * (1.0 - 1e-12), "size {size}");
@@ -214,7 +214,7 @@ fn a_model_turned_inside_out_by_its_pose_is_brought_back() {
     let posed = Posed::new(&blob(2), [4, 4, 4], |c| -c);
     assert!(posed.solid.volume(&posed.vertices) < 0.0);
     let pose = Pose { solid: &posed.solid, vertices: &posed.vertices, binding: &posed.binding };
-    let options = CorrectOptions { method: Method::Gradient, mobility: None };
+    let options = CorrectOptions { method: Method::Gradient, mobility: None, ..CorrectOptions::default() };
     assert!(correct(&pose, posed.rest_volume, &options).is_err());
     posed.correct(posed.rest_volume, Method::Nearest, None);
 }
