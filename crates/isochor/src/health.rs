@@ -116,11 +116,8 @@ impl Verdict {
 }
 
 impl Health {
-    /// The health of `mesh` with its `topology`, and the body it bounds, if it does.
-    ///
-    /// # Errors
-    ///
-    /// None: what is wrong is part of the result. The body comes with the reason where there is none.
+    /// The health of `mesh` with its `topology`, and the body it bounds, or why it bounds none. What is wrong with a model is
+    /// part of its health, not an error.
     pub fn of(mesh: &Mesh, topology: &Topology, source: &Source) -> (Self, Result<Solid, SolidError>) {
         let solid = Solid::new(mesh, topology, OpenBoundaries::Cap);
         let (area, zero_area_faces) = areas(mesh);
