@@ -6,7 +6,8 @@
 //!
 //! - [`Method::Axes`]: one direction after the other, each an explicit exact step. HB (13)–(17); [`crate::axes`].
 //! - [`Method::Gradient`]: all coordinates at once along the gradient, an exact cubic; [`crate::gradient`].
-//! - [`Method::Nearest`]: the smallest displacement of all, by Newton's method; [`crate::nearest`].
+//! - [`Method::Nearest`]: the smallest displacement of all, HB (3) solved as it stands; [`crate::nearest`].
+//! - Points that must come to exact places go with all of them: HB (20)–(24); [`crate::points`].
 //!
 //! X need not come from W: the same correction finishes what another deformer posed, with a lattice laid round it.
 //!
@@ -291,7 +292,6 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
     if !target.is_finite() || target == 0.0 {
         return Err(CorrectError::Target { target });
     }
-
     for (point, PointTarget { weights, position, target }) in options.points.iter().enumerate() {
         if let Some((control, _)) = weights.iter().find(|(control, _)| *control >= controls) {
             let what = format!("it follows control {control} of {controls}");
@@ -307,19 +307,24 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
     let vertices: Vec<DVec3> = pose.vertices.iter().map(|p| *p - origin).collect();
     let volume_before = solid.volume(&vertices);
     let points = &options.points[..];
-    let rows = (!points.is_empty()).then(|| CoordinateRows::new(points, &roots(&mobility)));
+    let roots: Vec<DVec3> = mobility.iter().map(|m| DVec3::from_array(m.to_array().map(f64::sqrt))).collect();
+    let rows = (!points.is_empty()).then(|| CoordinateRows::new(points, &roots));
     let posed = vertices.clone();
-    let problem = Problem { solid, binding, mobility, posed, target, volume_before, extent, points, rows };
-    let start =
-        State { displacement: vec![DVec3::ZERO; controls], vertices, volume: volume_before, steps: 0, residual: None };
+    let problem = Problem { solid, binding, mobility, roots, posed, target, volume_before, extent, points, rows };
+    let start = State { displacement: vec![DVec3::ZERO; controls], vertices, volume: volume_before, steps: 0 };
 
+    let mut residual = None;
     let (end, has_moved) = if problem.is_met(volume_before) && problem.point_error(&start) <= f64::EPSILON {
         (start, false)
     } else {
         problem.check_movable()?;
         let end = match &options.method {
             Method::Gradient => gradient::corrected(&problem, problem.with_points(start)?)?,
-            Method::Nearest => nearest::corrected(&problem, problem.with_points(start)?)?,
+            Method::Nearest => {
+                let (end, reached) = nearest::corrected(&problem, problem.with_points(start)?)?;
+                residual = Some(reached);
+                end
+            }
             Method::Axes { directions, shares } => axes::corrected(&problem, start, directions, shares.as_deref())?,
         };
         (end, true)
@@ -336,7 +341,7 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
     if relative_error > tolerances::VOLUME {
         return Err(problem.impossible(Reason::Rounding { relative_error }));
     }
-    let status = match end.residual {
+    let status = match residual {
         _ if !has_moved => Status::AlreadyMet,
         Some(residual) if residual > tolerances::KKT_ENOUGH => Status::NotNearest,
         _ => Status::Exact,
@@ -355,7 +360,7 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
         point_error,
         status,
         steps: end.steps,
-        residual: end.residual,
+        residual,
     })
 }
 
@@ -363,9 +368,12 @@ pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Cor
 pub(crate) struct Problem<'a> {
     pub(crate) solid: &'a Solid,
     pub(crate) binding: &'a Binding,
+    /// m (#controls × 3).
     pub(crate) mobility: Vec<DVec3>,
+    /// √m (#controls × 3).
+    pub(crate) roots: Vec<DVec3>,
     /// The posed vertices (#vertices × 3).
-    posed: Vec<DVec3>,
+    pub(crate) posed: Vec<DVec3>,
     pub(crate) target: f64,
     pub(crate) volume_before: f64,
     /// Of the posed vertices.
@@ -373,11 +381,6 @@ pub(crate) struct Problem<'a> {
     pub(crate) points: &'a [PointTarget],
     /// What moves a point, where there are points.
     rows: Option<CoordinateRows>,
-}
-
-/// √m ∘ (#controls × 3).
-pub(crate) fn roots(mobility: &[DVec3]) -> Vec<DVec3> {
-    mobility.iter().map(|m| DVec3::from_array(m.to_array().map(f64::sqrt))).collect()
 }
 
 /// Where a correction stands.
@@ -390,8 +393,6 @@ pub(crate) struct State {
     /// Its volume.
     pub(crate) volume: f64,
     pub(crate) steps: usize,
-    /// Of [`Method::Nearest`] at its end.
-    pub(crate) residual: Option<f64>,
 }
 
 /// One exact step: a control displacement (#controls × 3) and what it does to the vertices (#vertices × 3).
@@ -408,16 +409,11 @@ impl State {
             vertices: displaced(&self.vertices, &step.vertices),
             volume: self.volume,
             steps: self.steps + 1,
-            residual: self.residual,
         }
     }
 }
 
 impl Problem<'_> {
-    pub(crate) fn posed(&self) -> &[DVec3] {
-        &self.posed
-    }
-
     pub(crate) fn impossible(&self, reason: Reason) -> CorrectError {
         CorrectError::Impossible { target: self.target, volume: self.volume_before, reason }
     }
@@ -459,10 +455,14 @@ impl Problem<'_> {
         let Some(rows) = &self.rows else {
             return gradient.iter().zip(&self.mobility).map(|(g, m)| *g * *m).collect();
         };
-        let roots = roots(&self.mobility);
-        let mut y: Vec<DVec3> = gradient.iter().zip(&roots).map(|(g, s)| *g * *s).collect();
+        let mut y = self.scaled(gradient);
         rows.project(&mut y);
-        y.iter().zip(&roots).map(|(y, s)| *y * *s).collect()
+        self.scaled(&y)
+    }
+
+    /// √m ∘ v (#controls × 3).
+    pub(crate) fn scaled(&self, v: &[DVec3]) -> Vec<DVec3> {
+        v.iter().zip(&self.roots).map(|(v, s)| *v * *s).collect()
     }
 
     /// Takes away from y = δ/√m (#controls × 3) what would move a point.

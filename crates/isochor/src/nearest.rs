@@ -9,11 +9,16 @@
 //! which stop at negative curvature (T. Steihaug, *The conjugate gradient method and trust regions in large scale
 //! optimization*, 1983). Each iterate is brought back to the surface by the exact cubic of [`crate::gradient`], so every one
 //! has the wanted volume and the distance |y| falls from one to the next: the iteration cannot diverge, however large the
-//! deficit is. Points that must come to exact places take their rows out of y, h and every step. It starts from the gradient's correction, or, where the volume turns back on that line, from that along the axes.
+//! deficit is. Points that must come to exact places take their rows out of y, h and every step. The search starts from the
+//! gradient's correction, or, where the volume turns back on that line, from that along the axes.
+//!
+//! # Changes versus the paper
+//!
+//! - HB states this problem, (3), and solves it axis by axis to stay explicit; here it is solved as it stands.
 
 use glam::DVec3;
 
-use crate::correct::{CorrectError, Problem, State, roots};
+use crate::correct::{CorrectError, Problem, State};
 use crate::gradient::Line;
 use crate::tolerances;
 use crate::{axes, gradient};
@@ -43,10 +48,12 @@ struct Iterate {
 }
 
 /// Corrects by the smallest displacement.
-pub(crate) fn corrected(problem: &Problem, start: State) -> Result<State, CorrectError> {
+///
+/// Returns the residual `‖δ − μ M ∘ ∇V‖∞` too, in extents.
+pub(crate) fn corrected(problem: &Problem, start: State) -> Result<(State, f64), CorrectError> {
     let first = gradient::corrected(problem, start.clone())
         .or_else(|error| axes::corrected(problem, start, &DVec3::AXES, None).map_err(|_| error))?;
-    let search = Search::new(problem);
+    let search = Search { problem };
     let mut best = search.iterate(first);
     for _ in 0..STEPS {
         if best.residual_norm <= tolerances::KKT {
@@ -63,37 +70,33 @@ pub(crate) fn corrected(problem: &Problem, start: State) -> Result<State, Correc
             break;
         }
     }
-    let residual = Some(best.residual_norm);
+    let residual = best.residual_norm;
     let end = problem.finished(best.state, |state, deficit| {
         let line = Line::at(problem, state)?;
         Some(line.step(deficit / line.slope))
     });
-    Ok(State { residual, ..end })
+    Ok((end, residual))
 }
 
 struct Search<'a> {
     problem: &'a Problem<'a>,
-    /// √m (#controls × 3).
-    roots: Vec<DVec3>,
 }
 
-impl<'a> Search<'a> {
-    fn new(problem: &'a Problem) -> Self {
-        Self { problem, roots: roots(&problem.mobility) }
-    }
-
+impl Search<'_> {
     /// A state on the surface with all that the next step needs.
     fn iterate(&self, state: State) -> Iterate {
         let divided = |d: DVec3, s: DVec3| DVec3::select(s.cmpeq(DVec3::ZERO), DVec3::ZERO, d / s);
-        let y: Vec<DVec3> = state.displacement.iter().zip(&self.roots).map(|(d, s)| divided(*d, *s)).collect();
+        let y: Vec<DVec3> = state.displacement.iter().zip(&self.problem.roots).map(|(d, s)| divided(*d, *s)).collect();
         let gradient = self.problem.solid.volume_gradient(&state.vertices);
-        let mut h = self.scaled(&self.problem.binding.adjoint(&gradient));
+        let mut h = self.problem.scaled(&self.problem.binding.adjoint(&gradient));
         self.problem.project(&mut h);
-        let multiplier = dot(&y, &h) / dot(&h, &h);
+        // Where the points leave nothing free, h is 0 and there is nothing to minimise.
+        let square = dot(&h, &h);
+        let multiplier = if square == 0.0 { 0.0 } else { dot(&y, &h) / square };
         let mut free = y.clone();
         self.problem.project(&mut free);
         let residual: Vec<DVec3> = free.iter().zip(&h).map(|(y, h)| *y - multiplier * *h).collect();
-        let largest = self.scaled(&residual).iter().map(|r| r.abs().max_element()).fold(0.0, f64::max);
+        let largest = self.problem.scaled(&residual).iter().map(|r| r.abs().max_element()).fold(0.0, f64::max);
         Iterate { state, y, h, multiplier, residual, residual_norm: largest / self.problem.extent }
     }
 
@@ -120,11 +123,11 @@ impl<'a> Search<'a> {
     /// The pose of y, brought back to the surface along the gradient there.
     fn on_surface(&self, y: &[DVec3], steps: usize) -> Option<State> {
         let problem = self.problem;
-        let displacement = self.scaled(y);
+        let displacement = problem.scaled(y);
         let shift = problem.binding.apply(&displacement);
-        let vertices: Vec<DVec3> = problem.posed().iter().zip(shift).map(|(p, d)| *p + d).collect();
+        let vertices: Vec<DVec3> = problem.posed.iter().zip(shift).map(|(p, d)| *p + d).collect();
         let volume = problem.solid.volume(&vertices);
-        let state = State { displacement, vertices, volume, steps, residual: None };
+        let state = State { displacement, vertices, volume, steps };
         let line = Line::at(problem, &state)?;
         let t = line.cubic(problem, &state).first_root(problem.target - volume).ok()?;
         let state = state.after(&line.step(t));
@@ -139,9 +142,9 @@ impl<'a> Search<'a> {
             v.iter().zip(&at.h).map(|(v, h)| *v - along * *h).collect::<Vec<_>>()
         };
         let operator = |v: &[DVec3]| {
-            let moved = self.problem.binding.apply(&self.scaled(v));
+            let moved = self.problem.binding.apply(&self.problem.scaled(v));
             let change = self.problem.solid.volume_gradient_change(&at.state.vertices, &moved);
-            let hv = self.scaled(&self.problem.binding.adjoint(&change));
+            let hv = self.problem.scaled(&self.problem.binding.adjoint(&change));
             tangential(v.iter().zip(hv).map(|(v, hv)| *v - at.multiplier * hv).collect())
         };
         let mut rest = tangential(at.residual.iter().map(|r| -*r).collect());
@@ -175,11 +178,6 @@ impl<'a> Search<'a> {
             square = next;
         }
         d
-    }
-
-    /// √m ∘ v.
-    fn scaled(&self, v: &[DVec3]) -> Vec<DVec3> {
-        v.iter().zip(&self.roots).map(|(v, s)| *v * *s).collect()
     }
 }
 
