@@ -227,3 +227,22 @@ fn points_of_another_binding_are_refused() {
         assert!(matches!(result, Err(CorrectError::Point { point: 0, .. })), "{result:?}");
     }
 }
+
+#[test]
+fn points_that_leave_nothing_free_determine_the_volume() {
+    // A target for each of the 8 controls of a trilinear lattice: the volume is what it becomes, or it cannot be had.
+    let mut random = Random(12);
+    let posed = Posed::new(&mut random, 2);
+    let moves: Vec<DVec3> = (0..8).map(|_| 0.1 * random.vector()).collect();
+    let points: Vec<PointTarget> =
+        (0..8).map(|c| PointTarget { weights: vec![(c, 1.0)], position: DVec3::ZERO, target: moves[c] }).collect();
+    let vertices = displaced(&posed.vertices, &posed.binding.apply(&moves));
+    let change = posed.solid.volume(&vertices) / posed.rest_volume;
+    for method in methods() {
+        let corrected = posed.correct(change, method.clone(), None, points.clone()).unwrap();
+        for (d, m) in corrected.displacement.iter().zip(&moves) {
+            assert!((*d - *m).length() <= 1e-14, "{method:?}");
+        }
+        assert_eq!(reason(posed.correct(1.3 * change, method, None, points.clone())), Reason::Dead);
+    }
+}
