@@ -8,10 +8,7 @@
 use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
-use isochor::{
-    Basis, Bounds, CorrectOptions, Faces, Frame, Lattice, Mesh, Method, OpenBoundaries, Outside, Pose, Solid, correct,
-    displaced, topology,
-};
+use isochor::{Basis, Bounds, CorrectOptions, Faces, Frame, Lattice, Mesh, Method, OpenBoundaries, Outside, Pose, Solid, Wanted, correct, displaced, topology};
 use serde_json::Value;
 
 fn shared(path: &str) -> PathBuf {
@@ -124,7 +121,7 @@ fn correction_along_the_axes_agrees_with_pygem() {
         let mobility = mask.map(|row| DVec3::new(free(row, 0), free(row, 1), free(row, 2))).collect();
         let options = CorrectOptions { method: Method::xyz(), mobility: Some(mobility), ..CorrectOptions::default() };
         let pose = Pose { solid: &solid, vertices: &vertices, binding: &binding };
-        let corrected = correct(&pose, sixfold("six_volume_target"), &options).unwrap();
+        let corrected = correct(&pose, &Wanted::volume(sixfold("six_volume_target")), &options).unwrap();
         assert!(corrected.relative_error <= 1e-15, "{name}: {}", corrected.relative_error);
         assert_close(&corrected.vertices, &vectors(&case["points_out"]), name);
         let lengths = vector(&case["params"]["box_length"]);

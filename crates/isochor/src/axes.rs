@@ -6,128 +6,45 @@
 //!
 //! # Changes versus the paper
 //!
-//! - Any directions, any shares, a mobility per control coordinate, any number of points to be met (HB, section 5.2, has one).
+//! - Any directions, any shares, a mobility per control coordinate, any number of points to be met (HB, section 5.2, has one), any
+//!   number of volumes: each is one more affine function.
 //! - A direction on which the volume does not depend (*dead*: Σ m α² vanishes against the area) is found before it is used,
 //!   and its share goes to the others. Dividing by its vanishing Σ α² would send controls to infinity. A *weak* direction, on
 //!   which the volume depends by little more than the rounding of a file's 32-bit floats, is used only where there is no other.
 
 use glam::{DMat3, DVec3};
 
-use crate::correct::{CorrectError, Problem, Reason, State, Step};
-use crate::double;
+use crate::correct::{CorrectError, Problem, Reason, State, Step, spread};
 use crate::mesh::Bounds;
-use crate::points::{Missed, Rows};
+use crate::metric::{AxisMetric, Factors, Metric};
+use crate::points::point_rows;
+use crate::rows::{Missed, Rows, dot};
 use crate::tolerances;
 
-/// Corrects along `directions` in order, `shares` of the deficit each (equal by default).
-pub(crate) fn corrected(
-    problem: &Problem,
-    mut state: State,
-    directions: &[DVec3],
-    shares: Option<&[f64]>,
-) -> Result<State, CorrectError> {
-    let axes = axes(problem, &state, directions, shares)?;
-    // V is taken once, before the first axis: each step is exact, so after the last one all of the deficit is gone.
-    let deficit = problem.target - problem.volume_before;
-    let mut surface = Surface::of(problem, &state);
-    let strengths: Vec<Strength> =
-        axes.iter().map(|axis| axis.sensitivity(problem, &surface).map_or(Strength::Dead, |s| s.strength)).collect();
-    let shared =
-        |least: Strength| axes.iter().zip(&strengths).filter(move |(_, s)| **s >= least).map(|(axis, _)| axis.share);
-    // Weak axes are used only where there are no others.
-    let least = if shared(Strength::Good).sum::<f64>() > 0.0 { Strength::Good } else { Strength::Weak };
-    let all_shares: f64 = shared(least).sum();
-    if all_shares <= 0.0 && problem.points.is_empty() {
-        return Err(problem.impossible(Reason::Dead));
-    }
-    let mut last = None;
-    // What an axis that died on the way could not take goes to the next; a second pass takes what the last one left.
-    let mut open = 0.0;
-    for (is_first, least) in [(true, least), (false, least), (false, Strength::Weak)] {
-        for (axis, strength) in axes.iter().zip(&strengths) {
-            if is_first && let Some(step) = axis.point_step(problem)? {
-                // The points' share of this axis changes the volume too, and linearly: α stays as it is.
-                open -= axis.change(&surface, &step);
-                state = state.after(&step);
-                surface = Surface::of(problem, &state);
-            }
-            if *strength < least {
-                continue;
-            }
-            open += if is_first && all_shares > 0.0 { deficit * (axis.share / all_shares) } else { 0.0 };
-            if open == 0.0 {
-                continue;
-            }
-            if let Some(sensitivity) = axis.sensitivity(problem, &surface).filter(|s| s.strength >= least) {
-                state = state.after(&axis.step(problem, &sensitivity, open));
-                surface = Surface::of(problem, &state);
-                open = 0.0;
-                last = Some(axis);
-            }
-        }
-    }
-    match last {
-        Some(axis) if open == 0.0 => Ok(problem.finished(state, |state, deficit| {
-            let sensitivity = axis.sensitivity(problem, &Surface::of(problem, state))?;
-            Some(axis.step(problem, &sensitivity, deficit))
-        })),
-        None if problem.is_met(problem.solid.volume(&state.vertices)) => Ok(problem.finished(state, |_, _| None)),
-        _ if !(surface.area * surface.area).is_finite() => Err(problem.impossible(Reason::Overflow)),
-        _ => Err(problem.impossible(Reason::Dead)),
-    }
-}
-
 /// A direction to correct along.
-struct Axis {
+#[derive(Clone, Debug)]
+pub(crate) struct Axis {
     /// Unit vector.
-    direction: DVec3,
+    pub(crate) direction: DVec3,
     share: f64,
-    /// m along the direction (#controls).
-    mobility: Vec<f64>,
-    /// What moves a point along the direction, and by how much each point is to move along it, where there are points.
-    points: Option<(Rows, Vec<f64>)>,
+    pub(crate) metric: AxisMetric,
 }
 
-/// How the volume depends on displacements along an axis.
-struct Sensitivity {
-    /// m α, less what would move a point (#controls).
-    pull: Vec<f64>,
-    /// Σ m α², less the same.
-    norm: f64,
-    strength: Strength,
-}
-
-/// How much the volume depends on an axis.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
-enum Strength {
-    /// Not at all, to rounding.
-    Dead,
-    /// By so little that controls would have to go far away.
-    Weak,
-    Good,
-}
-
-/// What sensitivities need of the surface as it stands.
-struct Surface {
-    /// g = ∂V/∂P (#vertices × 3).
-    gradient: Vec<DVec3>,
-    area: f64,
-    extent: f64,
-}
-
-impl Surface {
-    fn of(problem: &Problem, state: &State) -> Self {
-        let (solid, vertices) = (problem.solid, &state.vertices);
-        let extent = Bounds::of(vertices).map_or(0.0, |b| b.extent());
-        Self { gradient: solid.volume_gradient(vertices), area: solid.area(vertices), extent }
+impl Axis {
+    /// x, y and z, a third each.
+    pub(crate) fn coordinates(metric: &Metric) -> Vec<Self> {
+        let axis = |a| Self { direction: DVec3::AXES[a], share: 1.0, metric: metric.along(a).clone() };
+        [0, 1, 2].map(axis).into()
     }
 }
 
-fn axes(
-    problem: &Problem,
-    state: &State,
+/// The axes of a request.
+pub(crate) fn prepared(
     directions: &[DVec3],
     shares: Option<&[f64]>,
+    mobility: &[DVec3],
+    factors: &mut Factors,
+    too_large: impl Fn() -> CorrectError,
 ) -> Result<Vec<Axis>, CorrectError> {
     if directions.is_empty() {
         return Err(CorrectError::NoDirection);
@@ -142,38 +59,321 @@ fn axes(
     if shares.iter().any(|s| !(*s >= 0.0 && s.is_finite())) || !(sum > 0.0 && sum.is_finite()) {
         return Err(CorrectError::Shares { shares: shares.to_vec() });
     }
-    // try_normalize refuses what is 0, not finite, or too small to have a direction
-    let unit =
-        |(index, value): (usize, &DVec3)| value.try_normalize().ok_or(CorrectError::Direction { index, value: *value });
-    let units = directions.iter().enumerate().map(unit).collect::<Result<Vec<_>, _>>()?;
-    let mut moves = moves_along(problem, state, &units)?.into_iter();
-    let axis = |(&direction, &share): (&DVec3, &f64)| {
-        let mobility: Vec<f64> = problem.mobility.iter().map(|m| mobility_along(*m, direction)).collect();
-        let rows = || Rows::new(problem.points, mobility.iter().map(|m| m.sqrt()).collect());
-        let points = moves.next().map(|moves| (rows(), moves));
-        Axis { direction, share, mobility, points }
+    let axis = |(index, (&value, &share)): (usize, (&DVec3, &f64))| {
+        // try_normalize refuses what is 0, not finite, or too small to have a direction
+        let direction = value.try_normalize().ok_or(CorrectError::Direction { index, value })?;
+        let along: Vec<f64> = mobility.iter().map(|m| mobility_along(*m, direction)).collect();
+        Ok(Axis { direction, share, metric: factors.along(&along).ok_or_else(&too_large)? })
     };
-    Ok(units.iter().zip(shares).map(axis).collect())
+    directions.iter().zip(shares).enumerate().map(axis).collect()
 }
 
-/// By how much each point is to move along each direction (#directions × #points; nothing without points): `T − S` split once, into
-/// components along the first directions that are independent.
-fn moves_along(problem: &Problem, state: &State, units: &[DVec3]) -> Result<Vec<Vec<f64>>, CorrectError> {
-    if problem.points.is_empty() {
-        return Ok(Vec::new());
+/// What a correction along the axes did, in order.
+pub(crate) enum Taken {
+    /// Points were moved along an axis.
+    Points {
+        /// Index of the axis.
+        axis: usize,
+    },
+    /// Volumes were changed along an axis.
+    Volumes {
+        /// Index of the axis.
+        axis: usize,
+        /// The vertices before.
+        vertices: Vec<DVec3>,
+        /// α of each goal that took part, pulled into the metric: the conditions of the step.
+        rows: Rows,
+        /// The goals that took part.
+        goals: Vec<usize>,
+        /// What part of each one's deficit was to be left after the step.
+        left: Vec<f64>,
+        /// Displacement along the axis (#controls).
+        delta: Vec<f64>,
+        /// The rows' multipliers: `Σ u_g row_g` is the step in the metric.
+        multipliers: Vec<f64>,
+    },
+}
+
+/// Corrects along `axes` in order, each taking its share of the deficits.
+pub(crate) fn corrected(
+    problem: &Problem,
+    mut state: State,
+    axes: &[Axis],
+    mut trace: Option<&mut Vec<Taken>>,
+) -> Result<State, CorrectError> {
+    let points = AxisPoints::of(problem, &state, axes)?;
+    // Volumes are taken once, before the first axis: each step is exact, so after the last one all of the deficits are gone.
+    let deficits = problem.deficits(&state);
+    let goals = deficits.len();
+    let mut surface = Surface::of(problem, &state);
+    let strengths: Vec<Vec<Strength>> = (0..axes.len())
+        .map(|k| surface.pulls(problem, &axes[k], &points.rows[k]).strengths(&surface, problem))
+        .collect();
+    let shares = |goal: usize, least: Strength| {
+        axes.iter().zip(&strengths).map(move |(axis, s)| if s[goal] >= least { axis.share } else { 0.0 })
+    };
+    // Weak axes are used only where there are no others.
+    let least: Vec<Strength> = (0..goals)
+        .map(|goal| if shares(goal, Strength::Good).sum::<f64>() > 0.0 { Strength::Good } else { Strength::Weak })
+        .collect();
+    let all_shares: Vec<f64> = (0..goals).map(|goal| shares(goal, least[goal]).sum()).collect();
+    let is_met = |goal: usize, open: f64| open.abs() <= tolerances::VOLUME_ROUNDING * problem.goals.targets[goal].abs();
+    let dead = (0..goals).find(|goal| all_shares[*goal] <= 0.0 && !is_met(*goal, deficits[*goal]));
+    if let (Some(goal), true) = (dead, problem.points.is_empty()) {
+        return Err(problem.impossible(Some(goal), Reason::Dead));
     }
+    // What is open of each deficit, and what part of it later axes are to take. What an axis that died on the way could not take goes to
+    // the next; a second pass takes what the last one left.
+    let mut open = deficits.clone();
+    let mut left = vec![1.0; goals];
+    let mut used = Vec::new();
+    for pass in 0..3 {
+        for (k, axis) in axes.iter().enumerate() {
+            if pass == 0
+                && let Some(delta) = points.delta(problem, &state, axis, k)?
+            {
+                // The points' share of this axis changes the volumes too, and linearly.
+                surface.take(problem, axis, &delta, &mut open);
+                state = state.after(&step_of(problem, axis, &delta));
+                surface = Surface::of(problem, &state);
+                if let Some(trace) = &mut trace {
+                    trace.push(Taken::Points { axis: k });
+                }
+            }
+            let threshold = |goal: usize| if pass == 2 { Strength::Weak } else { least[goal] };
+            let is_usable = |goal: usize| strengths[k][goal] >= threshold(goal);
+            let taken: Vec<usize> = (0..goals).filter(|goal| is_usable(*goal)).collect();
+            for &goal in &taken {
+                let share = if all_shares[goal] > 0.0 { axis.share / all_shares[goal] } else { 0.0 };
+                left[goal] = if pass == 0 { left[goal] - share } else { 0.0 };
+                // The last shares sum to 1 but for rounding.
+                left[goal] = if left[goal].abs() <= f64::EPSILON * axes.len() as f64 { 0.0 } else { left[goal] };
+            }
+            let wanted = |goal: usize| open[goal] - left[goal] * deficits[goal];
+            if taken.iter().all(|goal| wanted(*goal) == 0.0) && (trace.is_none() || pass > 0 || taken.is_empty()) {
+                continue;
+            }
+            let pulls = surface.pulls(problem, axis, &points.rows[k]);
+            let Some((rows, part)) = pulls.rows(&surface, problem, &taken, threshold) else { continue };
+            let changes: Vec<f64> = part.iter().map(|goal| wanted(*goal)).collect();
+            let (z, _) = rows.least(pulls.unknowns(), &changes);
+            let delta = axis.metric.displacement(&z);
+            let after = state.after(&step_of(problem, axis, &delta));
+            surface.take(problem, axis, &delta, &mut open);
+            part.iter().for_each(|goal| open[*goal] = left[*goal] * deficits[*goal]);
+            let before = std::mem::replace(&mut state, after);
+            surface = Surface::of(problem, &state);
+            used.push(k);
+            if let Some(trace) = &mut trace {
+                let (multipliers, vertices) = (rows.multipliers(&z), before.vertices);
+                let left = part.iter().map(|goal| left[*goal]).collect();
+                trace.push(Taken::Volumes { axis: k, vertices, rows, goals: part, left, delta, multipliers });
+            }
+        }
+    }
+    if let Some(goal) = (0..goals).find(|goal| open[*goal] != 0.0 && !is_met(*goal, open[*goal])) {
+        if !(surface.spread[goal] * surface.spread[goal]).is_finite() {
+            return Err(problem.impossible(Some(goal), Reason::Overflow));
+        }
+        let is_alone = strengths.iter().all(|s| s[goal] == Strength::Dead);
+        let reason = if is_alone || goals == 1 { Reason::Dead } else { Reason::Coupled { by: open[goal].abs() } };
+        return Err(problem.impossible(Some(goal), reason));
+    }
+    Ok(problem.finished(state, |state, deficits, round| {
+        let k = *used.iter().rev().cycle().nth(if goals == 1 { 0 } else { round })?;
+        let surface = Surface::of(problem, state);
+        let pulls = surface.pulls(problem, &axes[k], &points.rows[k]);
+        let all: Vec<usize> = (0..goals).collect();
+        let (rows, part) = pulls.rows(&surface, problem, &all, |_| Strength::Weak)?;
+        let changes: Vec<f64> = part.iter().map(|goal| deficits[*goal]).collect();
+        let (z, _) = rows.least(pulls.unknowns(), &changes);
+        Some(step_of(problem, &axes[k], &axes[k].metric.displacement(&z)))
+    }))
+}
+
+/// What displacements `delta` (#controls) along an axis do.
+fn step_of(problem: &Problem, axis: &Axis, delta: &[f64]) -> Step {
+    let shift = problem.binding.apply_scalar(delta);
+    Step {
+        controls: delta.iter().map(|d| axis.direction * *d).collect(),
+        vertices: shift.iter().map(|s| axis.direction * *s).collect(),
+    }
+}
+
+/// How much a volume depends on an axis.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord)]
+enum Strength {
+    /// Not at all, to rounding.
+    Dead,
+    /// By so little that controls would have to go far away.
+    Weak,
+    Good,
+}
+
+/// How the volumes depend on the surface as it stands.
+struct Surface {
+    /// ∂V/∂P of each goal (#goals × #vertices × 3).
+    gradients: Vec<Vec<DVec3>>,
+    /// Σ |∂V/∂p| of each.
+    spread: Vec<f64>,
+    extent: f64,
+}
+
+/// How the volumes depend on displacements along an axis.
+struct Pulls {
+    /// Rᵀ α of each goal, less what would move a point (#goals × #controls).
+    pulled: Vec<Vec<f64>>,
+    /// √ of the largest mobility.
+    root: f64,
+}
+
+impl Surface {
+    fn of(problem: &Problem, state: &State) -> Self {
+        let gradient = |goal| problem.goals.vertex_gradient(goal, problem.solid, &state.vertices);
+        let gradients: Vec<Vec<DVec3>> = (0..problem.goals.len()).map(gradient).collect();
+        let extent = Bounds::of(&state.vertices).map_or(0.0, |b| b.extent());
+        Self { spread: gradients.iter().map(|g| spread(g)).collect(), gradients, extent }
+    }
+
+    /// α of a goal (#controls): HB (10)–(12).
+    fn alpha(&self, problem: &Problem, axis: &Axis, goal: usize) -> Vec<f64> {
+        let along: Vec<f64> = self.gradients[goal].iter().map(|g| g.dot(axis.direction)).collect();
+        problem.binding.adjoint_scalar(&along)
+    }
+
+    fn pulls(&self, problem: &Problem, axis: &Axis, points: &Option<Rows>) -> Pulls {
+        let pulled = |goal: usize| {
+            let mut pulled = axis.metric.pulled(&self.alpha(problem, axis, goal));
+            if let Some(points) = points {
+                points.project(&mut pulled);
+            }
+            pulled
+        };
+        let root = axis.metric.largest_mobility().sqrt();
+        Pulls { pulled: (0..self.gradients.len()).map(pulled).collect(), root }
+    }
+
+    /// Takes what displacements `delta` (#controls) along an axis change of the volumes, exactly, from what is `open`.
+    fn take(&self, problem: &Problem, axis: &Axis, delta: &[f64], open: &mut [f64]) {
+        for (goal, open) in open.iter_mut().enumerate() {
+            *open -= dot(&self.alpha(problem, axis, goal), delta);
+        }
+    }
+
+    /// Below this, `√(Σ m α²)` has at most the strength before `strength`.
+    fn least(&self, problem: &Problem, goal: usize, strength: Strength, root: f64) -> f64 {
+        // A healthy axis changes the volume by about itself when controls move by the extent.
+        let volume = problem.volume_scale(goal);
+        let limit = match strength {
+            Strength::Good => tolerances::WEAK_AXIS * volume / self.extent,
+            _ => tolerances::DEAD_AXIS * self.spread[goal],
+        };
+        limit * root
+    }
+}
+
+impl Pulls {
+    fn unknowns(&self) -> usize {
+        self.pulled.first().map_or(0, Vec::len)
+    }
+
+    /// How strong each goal's dependence is.
+    fn strengths(&self, surface: &Surface, problem: &Problem) -> Vec<Strength> {
+        let strength = |(goal, pulled): (usize, &Vec<f64>)| {
+            let norm = dot(pulled, pulled).sqrt();
+            let exceeds = |strength| norm > surface.least(problem, goal, strength, self.root);
+            match (exceeds(Strength::Weak), exceeds(Strength::Good)) {
+                (false, _) => Strength::Dead,
+                (true, false) => Strength::Weak,
+                (true, true) => Strength::Good,
+            }
+        };
+        self.pulled.iter().enumerate().map(strength).collect()
+    }
+
+    /// The rows of those of `goals` that are at least as strong as they must be beside those before them, and which they are; `None` where
+    /// there is none.
+    fn rows(
+        &self,
+        surface: &Surface,
+        problem: &Problem,
+        goals: &[usize],
+        threshold: impl Fn(usize) -> Strength,
+    ) -> Option<(Rows, Vec<usize>)> {
+        let mut rows = Rows::default();
+        let mut part = Vec::new();
+        for &goal in goals {
+            let weak = surface.least(problem, goal, Strength::Weak, self.root);
+            let least = weak.max(surface.least(problem, goal, threshold(goal), self.root));
+            if rows.is_new(&self.pulled[goal], least) {
+                rows.push(self.pulled[goal].clone(), least);
+                part.push(goal);
+            }
+        }
+        (!part.is_empty()).then_some((rows, part))
+    }
+}
+
+/// The points of a request along each axis.
+pub(crate) struct AxisPoints {
+    /// What moves a point (#axes), where there are points.
+    pub(crate) rows: Vec<Option<Rows>>,
+    /// By how much each point is to move along each axis (#axes × #points).
+    moves: Vec<Vec<f64>>,
+}
+
+impl AxisPoints {
+    pub(crate) fn of(problem: &Problem, state: &State, axes: &[Axis]) -> Result<Self, CorrectError> {
+        if problem.points.is_empty() {
+            return Ok(Self { rows: vec![None; axes.len()], moves: Vec::new() });
+        }
+        let controls = problem.binding.control_count();
+        let rows = axes.iter().map(|axis| Some(point_rows(problem.points, controls, &axis.metric))).collect();
+        let split = split(axes);
+        let mut moves = vec![vec![0.0; problem.points.len()]; axes.len()];
+        for (point, whole) in problem.moves(state).into_iter().enumerate() {
+            let parts = split.to_parts * whole;
+            split.chosen.iter().enumerate().for_each(|(c, k)| moves[*k][point] = parts[c]);
+            let by = (split.chosen.len()..3).map(|c| parts[c].abs()).fold(0.0, f64::max);
+            if by > tolerances::POINT * problem.extent {
+                return Err(problem.impossible(problem.unmet_goal(state), Reason::OffAxes { point, by }));
+            }
+        }
+        Ok(Self { rows, moves })
+    }
+
+    /// The smallest displacement along axis `k` (#controls) that brings the points to their targets; nothing without points.
+    fn delta(&self, problem: &Problem, state: &State, axis: &Axis, k: usize) -> Result<Option<Vec<f64>>, CorrectError> {
+        let Some(rows) = &self.rows[k] else { return Ok(None) };
+        let (z, missed) = rows.least(problem.binding.control_count(), &self.moves[k]);
+        match missed {
+            Some(Missed { row, by }) if by > tolerances::POINT * problem.extent => Err(problem.misses(state, row, by)),
+            _ => Ok(Some(axis.metric.displacement(&z))),
+        }
+    }
+}
+
+/// How a vector splits into components along axes.
+pub(crate) struct Split {
+    /// The first axes that are independent, three at most.
+    pub(crate) chosen: Vec<usize>,
+    /// To components along these, then across them.
+    pub(crate) to_parts: DMat3,
+}
+
+pub(crate) fn split(axes: &[Axis]) -> Split {
     let mut chosen: Vec<usize> = Vec::new();
     // The chosen directions, completed by directions across them.
     let mut frame = [DVec3::ZERO; 3];
-    for (k, unit) in units.iter().enumerate() {
+    for (k, Axis { direction, .. }) in axes.iter().enumerate() {
         let is_independent = match chosen.len() {
             0 => true,
-            1 => frame[0].cross(*unit).length() > tolerances::DEPENDENT_ROW,
-            2 => frame[0].cross(frame[1]).dot(*unit).abs() > tolerances::DEPENDENT_ROW,
+            1 => frame[0].cross(*direction).length() > tolerances::DEPENDENT_ROW,
+            2 => frame[0].cross(frame[1]).dot(*direction).abs() > tolerances::DEPENDENT_ROW,
             _ => false,
         };
         if is_independent {
-            frame[chosen.len()] = *unit;
+            frame[chosen.len()] = *direction;
             chosen.push(k);
         }
     }
@@ -182,17 +382,7 @@ fn moves_along(problem: &Problem, state: &State, units: &[DVec3]) -> Result<Vec<
         2 => frame[2] = frame[0].cross(frame[1]).normalize(),
         _ => {}
     }
-    let split = DMat3::from_cols(frame[0], frame[1], frame[2]).inverse();
-    let mut moves = vec![vec![0.0; problem.points.len()]; units.len()];
-    for (point, whole) in problem.moves(state).into_iter().enumerate() {
-        let parts = split * whole;
-        chosen.iter().enumerate().for_each(|(c, k)| moves[*k][point] = parts[c]);
-        let by = (chosen.len()..3).map(|c| parts[c].abs()).fold(0.0, f64::max);
-        if by > tolerances::POINT * problem.extent {
-            return Err(problem.impossible(Reason::OffAxes { point, by }));
-        }
-    }
-    Ok(moves)
+    Split { chosen, to_parts: DMat3::from_cols(frame[0], frame[1], frame[2]).inverse() }
 }
 
 /// The mobility m along `direction` of a control with mobility `by_coordinate` per coordinate: moving by δ along d costs
@@ -205,61 +395,6 @@ fn mobility_along(by_coordinate: DVec3, direction: DVec3) -> f64 {
         }
     }
     1.0 / cost
-}
-
-impl Axis {
-    /// `None` where the axis is dead.
-    fn sensitivity(&self, problem: &Problem, surface: &Surface) -> Option<Sensitivity> {
-        let along: Vec<f64> = surface.gradient.iter().map(|g| g.dot(self.direction)).collect();
-        let alpha = problem.binding.adjoint_scalar(&along); // HB (10)–(12)
-        let pull: Vec<f64> = match &self.points {
-            None => alpha.iter().zip(&self.mobility).map(|(a, m)| m * a).collect(),
-            Some((rows, _)) => {
-                let mut y: Vec<f64> = alpha.iter().zip(rows.roots()).map(|(a, s)| a * s).collect();
-                rows.project(&mut y);
-                y.iter().zip(rows.roots()).map(|(y, s)| y * s).collect()
-            }
-        };
-        let norm = alpha.iter().zip(&pull).map(|(a, p)| a * p).sum::<f64>();
-        let most = self.mobility.iter().copied().fold(0.0, f64::max);
-        let exceeds = |limit: f64| norm > limit * limit * most;
-        // A healthy axis changes the volume by about itself when controls move by the extent.
-        let volume = problem.volume_before.abs().min(problem.target.abs());
-        let is_good = exceeds(tolerances::WEAK_AXIS * volume / surface.extent);
-        let strength = if is_good { Strength::Good } else { Strength::Weak };
-        exceeds(tolerances::DEAD_AXIS * surface.area).then_some(Sensitivity { pull, norm, strength })
-    }
-
-    /// HB (17) with mobilities: `δ_i = a m_i α_i / Σ_j m_j α_j²`.
-    fn step(&self, problem: &Problem, sensitivity: &Sensitivity, a: f64) -> Step {
-        let factor = a / sensitivity.norm;
-        self.step_of(problem, &sensitivity.pull.iter().map(|p| factor * p).collect::<Vec<_>>())
-    }
-
-    /// The smallest displacement along this axis that brings the points to their targets; nothing without points.
-    fn point_step(&self, problem: &Problem) -> Result<Option<Step>, CorrectError> {
-        let Some((rows, moves)) = &self.points else { return Ok(None) };
-        let y = rows
-            .least(moves, tolerances::POINT * problem.extent)
-            .map_err(|Missed { point, by }| problem.impossible(Reason::Contradiction { point, by }))?;
-        let delta: Vec<f64> = y.iter().zip(rows.roots()).map(|(y, s)| y * s).collect();
-        Ok(Some(self.step_of(problem, &delta)))
-    }
-
-    /// What displacements `delta` (#controls) along this axis do.
-    fn step_of(&self, problem: &Problem, delta: &[f64]) -> Step {
-        let shift = problem.binding.apply_scalar(delta);
-        Step {
-            controls: delta.iter().map(|d| self.direction * *d).collect(),
-            vertices: shift.iter().map(|s| self.direction * *s).collect(),
-        }
-    }
-
-    /// By how much a step along this axis changes the volume, exactly.
-    fn change(&self, surface: &Surface, step: &Step) -> f64 {
-        let terms = step.vertices.iter().zip(&surface.gradient);
-        double::dot(terms.map(|(s, g)| (s.dot(self.direction), g.dot(self.direction)))).0
-    }
 }
 
 #[cfg(test)]

@@ -129,6 +129,53 @@ impl Binding {
         weights
     }
 
+    /// The rows of `vertices` alone, in that order.
+    pub(crate) fn selected(&self, vertices: &[u32]) -> Self {
+        let stride = self.lengths.iter().sum::<usize>();
+        let mut rows = Vec::with_capacity(vertices.len() * stride);
+        let mut starts = Vec::with_capacity(vertices.len());
+        for &v in vertices {
+            starts.push(self.starts[v as usize]);
+            rows.extend_from_slice(&self.rows[v as usize * stride..(v as usize + 1) * stride]);
+        }
+        let is_zero = |row: &[f64]| row.iter().all(|x| *x == 0.0);
+        let kept = rows.chunks(stride).filter(|row| is_zero(row)).count();
+        Self { size: self.size, lengths: self.lengths, starts, rows, kept }
+    }
+
+    /// The entries (i, j, value), i ≤ j, of `Wᵀ W` (#controls × #controls) that can differ from 0, in no particular order, none twice.
+    pub(crate) fn gram(&self) -> Vec<(usize, usize, f64)> {
+        let [wide, deep, high] = self.lengths.map(|l| 2 * l - 1);
+        let reach = self.lengths.map(|l| l - 1);
+        // For each control its products with those around it, by difference of indices.
+        let mut products = vec![0.0; self.control_count() * wide * deep * high];
+        for v in 0..self.vertex_count() {
+            let weights = self.weights(v);
+            for &(i, x) in &weights {
+                let a = self.node(i);
+                for &(j, y) in weights.iter().filter(|(j, _)| i <= *j) {
+                    let b = self.node(j);
+                    let [u, v, w] = [0, 1, 2].map(|k| b[k] + reach[k] - a[k]);
+                    products[((i * wide + u) * deep + v) * high + w] += x * y;
+                }
+            }
+        }
+        let around = wide * deep * high;
+        let entry = |(slot, value): (usize, f64)| {
+            let (i, difference) = (slot / around, slot % around);
+            let d = [difference / (deep * high), difference / high % deep, difference % high];
+            let a = self.node(i);
+            let b = [0, 1, 2].map(|k| a[k] + d[k] - reach[k]);
+            (i, (b[0] * self.size[1] + b[1]) * self.size[2] + b[2], value)
+        };
+        products.into_iter().enumerate().filter(|(_, value)| *value != 0.0).map(entry).collect()
+    }
+
+    fn node(&self, control: usize) -> [usize; 3] {
+        let [_, nv, nw] = self.size;
+        [control / (nv * nw), control / nw % nv, control % nw]
+    }
+
     /// Calls `f(first control, weight, univariate row along w)` for each line of controls along w that vertex v touches.
     #[inline]
     fn for_each_line(&self, v: usize, mut f: impl FnMut(usize, f64, &[f64])) {

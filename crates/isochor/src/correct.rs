@@ -8,6 +8,8 @@
 //! - [`Method::Gradient`]: all coordinates at once along the gradient, an exact cubic; [`crate::gradient`].
 //! - [`Method::Nearest`]: the smallest displacement of all, HB (3) solved as it stands; [`crate::nearest`].
 //! - Points that must come to exact places go with all of them: HB (20)–(24); [`crate::points`].
+//! - Several volumes at once, of parts of a body: [`crate::goals`].
+//! - Other costs than Σ δ²/m: [`crate::Energy`].
 //!
 //! X need not come from W: the same correction finishes what another deformer posed, with a lattice laid round it.
 //!
@@ -20,13 +22,20 @@
 //!   coordinates still shows, they are rounded up or down so that the volume comes out.
 //! - Impossible requests are found before anything moves, and named.
 
+use std::borrow::Cow;
+
 use glam::DVec3;
 
+use crate::axes::Axis;
 use crate::binding::{Binding, displaced, translated};
+use crate::energy::Energy;
+use crate::goals::{Components, GoalFault, Goals, VolumeGoal};
 use crate::mesh::Bounds;
-use crate::points::{CoordinateRows, Missed, PointTarget};
+use crate::metric::{Factors, Metric};
+use crate::points::{PointRows, PointTarget};
+use crate::rows::{Missed, Rows};
 use crate::tolerances;
-use crate::volume::Solid;
+use crate::volume::{Solid, Volumes};
 use crate::{axes, gradient, nearest};
 
 /// A posed model: what is to be corrected.
@@ -47,8 +56,25 @@ pub struct CorrectOptions {
     pub method: Method,
     /// Mobility of each control coordinate (#controls × 3), ≥ 0; 0 pins it exactly. `None`: 1 everywhere.
     pub mobility: Option<Vec<DVec3>>,
-    /// Points that must come to exact places as well, in the coordinates of the pose.
+    /// What is kept small, of `δ/√m`. `None`: its square, summed over the controls.
+    pub energy: Option<Energy>,
+}
+
+/// What must hold after a correction.
+#[derive(Clone, Debug, Default, PartialEq)]
+pub struct Wanted {
+    /// Volumes, in the pose's length unit cubed, signed as [`Solid::volumes`] gives them. None: only points are met.
+    pub volumes: Vec<VolumeGoal>,
+    /// Points that must come to exact places, in the coordinates of the pose.
     pub points: Vec<PointTarget>,
+}
+
+impl Wanted {
+    /// This signed volume for the whole body.
+    #[must_use]
+    pub fn volume(volume: f64) -> Self {
+        Self { volumes: vec![VolumeGoal { components: Components::All, volume }], points: Vec::new() }
+    }
 }
 
 /// Which way the controls go.
@@ -90,7 +116,7 @@ pub struct Correction {
     pub volume: f64,
     /// The same of each component, in the order of its first face.
     pub component_volumes: Vec<f64>,
-    /// `|volume − target| / |target|`.
+    /// `|volume − target| / |target|`, the largest of all wanted volumes.
     pub relative_error: f64,
     /// How far the point that misses most is from its target, in extents of the pose; 0 without points.
     pub point_error: f64,
@@ -174,6 +200,28 @@ pub enum CorrectError {
         /// The target.
         target: f64,
     },
+    /// A wanted volume of a component that does not exist.
+    #[error("wanted volume {goal} names component {component} of {components}")]
+    MissingComponent {
+        /// Its index in the list.
+        goal: usize,
+        /// The component.
+        component: usize,
+        /// Number of components.
+        components: usize,
+    },
+    /// A wanted volume of no component, or of one twice.
+    #[error("wanted volume {goal} must name at least one component, and none twice")]
+    Components {
+        /// Its index in the list.
+        goal: usize,
+    },
+    /// An energy whose matrix cannot be factorised.
+    #[error("the energy's matrix for {controls} controls cannot be factorised in memory")]
+    Energy {
+        /// Number of controls.
+        controls: usize,
+    },
     /// A point that names a control that does not exist, or a place that is not finite.
     #[error("point {point} is not a point of this binding: {what}")]
     Point {
@@ -182,16 +230,27 @@ pub enum CorrectError {
         /// What is wrong with it.
         what: String,
     },
-    /// No displacement of the kind asked for gives the wanted volume.
-    #[error("the volume cannot become {target:e} (it is {volume:e}): impossible, because {reason}")]
+    /// No displacement of the kind asked for gives what is wanted.
+    #[error("{}: impossible, because {reason}", unmet(*.goal, *.target, *.volume))]
     Impossible {
-        /// The wanted volume.
+        /// Index of the wanted volume that cannot be met; `None` where it is points alone.
+        goal: Option<usize>,
+        /// The wanted volume; 0 without one.
         target: f64,
-        /// The volume of the pose.
+        /// That volume of the pose.
         volume: f64,
         /// Why not.
         reason: Reason,
     },
+}
+
+/// The beginning of an error message.
+fn unmet(goal: Option<usize>, target: f64, volume: f64) -> String {
+    match goal {
+        None => "the points cannot all come to their places".into(),
+        Some(0) => format!("the volume cannot become {target:e} (it is {volume:e})"),
+        Some(goal) => format!("wanted volume {goal} cannot become {target:e} (it is {volume:e})"),
+    }
 }
 
 /// Why a volume cannot be reached.
@@ -206,6 +265,18 @@ pub enum Reason {
     /// The volume does not depend on any control along the chosen directions.
     #[error("the volume does not depend on any movable control along the chosen directions")]
     Dead,
+    /// The volume changes only together with other wanted volumes, which want something else.
+    #[error("it depends on the movable controls in the same way as other wanted volumes do, and misses by {by:e}")]
+    Coupled {
+        /// By how far it misses.
+        by: f64,
+    },
+    /// Other wanted volumes leave no choice.
+    #[error("the other wanted volumes make it {follows:e}")]
+    Follows {
+        /// What it is, given the others.
+        follows: f64,
+    },
     /// The volume along the gradient line turns back before the target.
     #[error(
         "along the gradient the volume can only reach {limit:e}, then it turns back; give more controls freedom, choose axes, \
@@ -250,148 +321,273 @@ pub enum Reason {
 impl CorrectError {
     /// The same for a body whose volumes are counted with `orientation` (1 or −1).
     pub(crate) fn oriented(mut self, orientation: f64) -> Self {
-        if let Self::Impossible { target, volume, reason } = &mut self {
+        if let Self::Impossible { target, volume, reason, .. } = &mut self {
             *target *= orientation;
             *volume *= orientation;
-            if let Reason::Turns { limit } = reason {
-                *limit *= orientation;
+            if let Reason::Turns { limit: volume } | Reason::Follows { follows: volume } = reason {
+                *volume *= orientation;
             }
         }
         self
     }
 }
 
-/// Corrects a pose to the signed volume `target` (in the pose's length unit cubed, sign as [`Solid::volume`] gives it).
+/// Corrects a pose to what is wanted.
 ///
 /// Controls pinned by the mobility keep their bits; the result has the same bits for any number of threads. Coordinates far
-/// from the origin are taken relative to the model, so nothing is lost there until `vertices` are rounded.
+/// from the origin are taken relative to the model, so nothing is lost there until `vertices` are rounded. For many corrections
+/// of one model, prepare a [`Corrector`].
 ///
 /// # Errors
 ///
 /// Arrays that do not fit together, values out of range, a torn surface; [`CorrectError::Impossible`] with the reason.
-pub fn correct(pose: &Pose, target: f64, options: &CorrectOptions) -> Result<Correction, CorrectError> {
-    let (solid, binding) = (pose.solid, pose.binding);
-    let controls = binding.control_count();
-    let length = |what, found, expected| match found == expected {
+pub fn correct(pose: &Pose, wanted: &Wanted, options: &CorrectOptions) -> Result<Correction, CorrectError> {
+    Corrector::borrowed(pose.solid, pose.binding, options)?.correct(pose.vertices, wanted)
+}
+
+/// A body, a binding and how to correct, prepared for any number of poses and wishes.
+#[derive(Clone, Debug)]
+pub struct Corrector<'a> {
+    solid: Cow<'a, Solid>,
+    binding: Cow<'a, Binding>,
+    way: Way,
+    metric: Metric,
+    is_movable: bool,
+}
+
+/// [`Method`] with what it needs.
+#[derive(Clone, Debug)]
+enum Way {
+    Nearest,
+    Gradient,
+    Axes(Vec<Axis>),
+}
+
+/// A correction that has been found, and on what way.
+pub(crate) struct Solved<'a> {
+    pub(crate) problem: Problem<'a>,
+    /// After the points have been brought to their targets, for the ways that begin with that.
+    pub(crate) start: State,
+    pub(crate) end: State,
+    /// What the axes did, where that was asked for.
+    pub(crate) trace: Vec<axes::Taken>,
+    residual: Option<f64>,
+    has_moved: bool,
+}
+
+impl<'a> Corrector<'a> {
+    /// Prepares corrections of `solid` by the controls of `binding`.
+    ///
+    /// # Errors
+    ///
+    /// Arrays that do not fit together, values out of range.
+    pub fn new(solid: &'a Solid, binding: &'a Binding, options: &CorrectOptions) -> Result<Self, CorrectError> {
+        Self::borrowed(solid, binding, options)
+    }
+
+    fn borrowed(solid: &'a Solid, binding: &'a Binding, options: &CorrectOptions) -> Result<Self, CorrectError> {
+        let controls = binding.control_count();
+        length("the binding", binding.vertex_count(), solid.vertex_count())?;
+        let mobility = options.mobility.clone().unwrap_or_else(|| vec![DVec3::ONE; controls]);
+        length("the mobility", mobility.len(), controls)?;
+        if let Some(control) = mobility.iter().position(|m| !(m.is_finite() && m.min_element() >= 0.0)) {
+            return Err(CorrectError::Mobility { control, value: mobility[control] });
+        }
+        if let Some(energy) = &options.energy {
+            length("the energy", energy.control_count(), controls)?;
+        }
+        let mut factors = Factors::of(options.energy.clone());
+        let too_large = || CorrectError::Energy { controls };
+        let metric = factors.metric(&mobility).ok_or_else(too_large)?;
+        let way = match &options.method {
+            Method::Nearest => Way::Nearest,
+            Method::Gradient => Way::Gradient,
+            Method::Axes { directions, shares } => {
+                Way::Axes(axes::prepared(directions, shares.as_deref(), &mobility, &mut factors, too_large)?)
+            }
+        };
+        let is_movable = mobility.iter().any(|m| *m != DVec3::ZERO);
+        Ok(Self { solid: Cow::Borrowed(solid), binding: Cow::Borrowed(binding), way, metric, is_movable })
+    }
+
+    /// Corrects the posed vertices (#vertices × 3) to what is wanted.
+    ///
+    /// # Errors
+    ///
+    /// As [`correct`].
+    pub fn correct(&self, vertices: &[DVec3], wanted: &Wanted) -> Result<Correction, CorrectError> {
+        Ok(self.solved(vertices, wanted, false)?.correction(vertices))
+    }
+
+    /// Solves; `is_traced` makes all steps, those by nothing included, and keeps them.
+    pub(crate) fn solved<'b>(
+        &'b self,
+        posed: &[DVec3],
+        wanted: &'b Wanted,
+        is_traced: bool,
+    ) -> Result<Solved<'b>, CorrectError> {
+        let problem = self.problem(posed, wanted)?;
+        let start = problem.posed_state();
+        let mut trace = Vec::new();
+        let mut residual = None;
+        let is_met = problem.is_met(&start) && problem.point_error(&start) <= f64::EPSILON;
+        if is_met && !(is_traced && self.is_movable) {
+            let end = start.clone();
+            return Ok(Solved { problem, start, end, trace, residual, has_moved: false });
+        }
+        if !self.is_movable {
+            return Err(problem.impossible(problem.unmet_goal(&start), Reason::Pinned));
+        }
+        if self.binding.kept_count() == self.binding.vertex_count() {
+            return Err(problem.impossible(problem.unmet_goal(&start), Reason::NothingBound));
+        }
+        let (start, end) = match &self.way {
+            Way::Gradient => {
+                let start = problem.with_points(start)?;
+                let end = gradient::corrected(&problem, start.clone())?;
+                (start, end)
+            }
+            Way::Nearest => {
+                let start = problem.with_points(start)?;
+                let (end, reached) = nearest::corrected(&problem, start.clone())?;
+                residual = Some(reached);
+                (start, end)
+            }
+            Way::Axes(axes) => {
+                let end = axes::corrected(&problem, start.clone(), axes, is_traced.then_some(&mut trace))?;
+                (start, end)
+            }
+        };
+        problem.check(&end)?;
+        Ok(Solved { problem, start, end, trace, residual, has_moved: !is_met })
+    }
+
+    /// The checked request.
+    fn problem<'b>(&'b self, posed: &[DVec3], wanted: &'b Wanted) -> Result<Problem<'b>, CorrectError> {
+        let (solid, binding) = (&*self.solid, &*self.binding);
+        length("the posed vertices", posed.len(), solid.vertex_count())?;
+        if let Some(vertex) = posed.iter().position(|p| !p.is_finite()) {
+            return Err(CorrectError::NotFinite { vertex, position: posed[vertex] });
+        }
+        if let Some([a, b]) = solid.torn_vertices(posed) {
+            return Err(CorrectError::Torn { a, b });
+        }
+        let controls = binding.control_count();
+        for (point, PointTarget { weights, position, target }) in wanted.points.iter().enumerate() {
+            if let Some((control, _)) = weights.iter().find(|(control, _)| *control >= controls) {
+                let what = format!("it follows control {control} of {controls}");
+                return Err(CorrectError::Point { point, what });
+            }
+            if !(position.is_finite() && target.is_finite() && weights.iter().all(|(_, w)| w.is_finite())) {
+                return Err(CorrectError::Point { point, what: "its numbers must be finite".into() });
+            }
+        }
+        let bounds = Bounds::of(posed);
+        let (origin, extent) = bounds.map_or((DVec3::ZERO, 0.0), |b| (b.lossless_origin(), b.extent()));
+        let posed: Vec<DVec3> = posed.iter().map(|p| *p - origin).collect();
+        let volumes = solid.volumes(&posed);
+        let goals = Goals::new(&wanted.volumes, solid.component_count()).map_err(|fault| match fault {
+            GoalFault::Missing { goal, component } => {
+                CorrectError::MissingComponent { goal, component, components: solid.component_count() }
+            }
+            GoalFault::Target { goal } => CorrectError::Target { target: wanted.volumes[goal].volume },
+            GoalFault::Components { goal } => CorrectError::Components { goal },
+            GoalFault::Contradiction { goal, follows } => {
+                let target = wanted.volumes[goal].volume;
+                let volume = wanted.volumes[goal].of(&volumes);
+                CorrectError::Impossible { goal: Some(goal), target, volume, reason: Reason::Follows { follows } }
+            }
+        })?;
+        let points = &wanted.points[..];
+        let rows = (!points.is_empty()).then(|| PointRows::new(points, &self.metric));
+        let tilt = None;
+        Ok(Problem {
+            solid,
+            binding,
+            metric: &self.metric,
+            wanted,
+            goals,
+            points,
+            rows,
+            posed,
+            origin,
+            volumes,
+            extent,
+            tilt,
+        })
+    }
+}
+
+/// Whether an array has the length that it must have.
+fn length(what: &'static str, found: usize, expected: usize) -> Result<(), CorrectError> {
+    match found == expected {
         true => Ok(()),
         false => Err(CorrectError::Length { what, found, expected }),
-    };
-    length("the posed vertices", pose.vertices.len(), solid.vertex_count())?;
-    length("the binding", binding.vertex_count(), solid.vertex_count())?;
-    let mobility = options.mobility.clone().unwrap_or_else(|| vec![DVec3::ONE; controls]);
-    length("the mobility", mobility.len(), controls)?;
-    if let Some(control) = mobility.iter().position(|m| !(m.is_finite() && m.min_element() >= 0.0)) {
-        return Err(CorrectError::Mobility { control, value: mobility[control] });
     }
-    if let Some(vertex) = pose.vertices.iter().position(|p| !p.is_finite()) {
-        return Err(CorrectError::NotFinite { vertex, position: pose.vertices[vertex] });
-    }
-    if let Some([a, b]) = solid.torn_vertices(pose.vertices) {
-        return Err(CorrectError::Torn { a, b });
-    }
-    if !target.is_finite() || target == 0.0 {
-        return Err(CorrectError::Target { target });
-    }
-    for (point, PointTarget { weights, position, target }) in options.points.iter().enumerate() {
-        if let Some((control, _)) = weights.iter().find(|(control, _)| *control >= controls) {
-            let what = format!("it follows control {control} of {controls}");
-            return Err(CorrectError::Point { point, what });
-        }
-        if !(position.is_finite() && target.is_finite() && weights.iter().all(|(_, w)| w.is_finite())) {
-            return Err(CorrectError::Point { point, what: "its numbers must be finite".into() });
-        }
-    }
+}
 
-    let bounds = Bounds::of(pose.vertices);
-    let (origin, extent) = bounds.map_or((DVec3::ZERO, 0.0), |b| (b.lossless_origin(), b.extent()));
-    let vertices: Vec<DVec3> = pose.vertices.iter().map(|p| *p - origin).collect();
-    let volume_before = solid.volume(&vertices);
-    let points = &options.points[..];
-    let roots: Vec<DVec3> = mobility.iter().map(|m| DVec3::from_array(m.to_array().map(f64::sqrt))).collect();
-    let rows = (!points.is_empty()).then(|| CoordinateRows::new(points, &roots));
-    let posed = vertices.clone();
-    let problem = Problem { solid, binding, mobility, roots, posed, target, volume_before, extent, points, rows };
-    let start = State { displacement: vec![DVec3::ZERO; controls], vertices, volume: volume_before, steps: 0 };
-
-    let mut residual = None;
-    let (end, has_moved) = if problem.is_met(volume_before) && problem.point_error(&start) <= f64::EPSILON {
-        (start, false)
-    } else {
-        problem.check_movable()?;
-        let end = match &options.method {
-            Method::Gradient => gradient::corrected(&problem, problem.with_points(start)?)?,
-            Method::Nearest => {
-                let (end, reached) = nearest::corrected(&problem, problem.with_points(start)?)?;
-                residual = Some(reached);
-                end
-            }
-            Method::Axes { directions, shares } => axes::corrected(&problem, start, directions, shares.as_deref())?,
+impl Solved<'_> {
+    /// What is told of it, for the pose `posed` as it was given.
+    pub(crate) fn correction(self, posed: &[DVec3]) -> Correction {
+        let Self { problem, end, residual, has_moved, .. } = self;
+        let status = match residual {
+            _ if !has_moved => Status::AlreadyMet,
+            Some(residual) if residual > tolerances::KKT_ENOUGH => Status::NotNearest,
+            _ => Status::Exact,
         };
-        (end, true)
-    };
-    let point_error = problem.point_error(&end);
-    if point_error > tolerances::POINT {
-        let reason = problem.worst_point(&end);
-        return Err(problem.impossible(reason));
+        Correction {
+            vertices: if has_moved { translated(&end.vertices, problem.origin) } else { posed.to_vec() },
+            volume_before: problem.volumes.total,
+            volume: end.volumes.total,
+            relative_error: problem.relative_error(&end),
+            point_error: problem.point_error(&end),
+            status,
+            steps: end.steps,
+            residual,
+            displacement: end.displacement,
+            component_volumes: end.volumes.components,
+        }
     }
-    let relative_error = ((end.volume - target) / target).abs();
-    if !relative_error.is_finite() {
-        return Err(problem.impossible(Reason::Overflow));
-    }
-    if relative_error > tolerances::VOLUME {
-        return Err(problem.impossible(Reason::Rounding { relative_error }));
-    }
-    let status = match residual {
-        _ if !has_moved => Status::AlreadyMet,
-        Some(residual) if residual > tolerances::KKT_ENOUGH => Status::NotNearest,
-        _ => Status::Exact,
-    };
-    let vertices = match has_moved {
-        true => translated(&end.vertices, origin),
-        false => pose.vertices.to_vec(),
-    };
-    Ok(Correction {
-        displacement: end.displacement,
-        vertices,
-        volume_before,
-        volume: end.volume,
-        component_volumes: solid.volumes(&end.vertices).components,
-        relative_error,
-        point_error,
-        status,
-        steps: end.steps,
-        residual,
-    })
 }
 
 /// A checked request, in coordinates near the model.
 pub(crate) struct Problem<'a> {
     pub(crate) solid: &'a Solid,
     pub(crate) binding: &'a Binding,
-    /// m (#controls × 3).
-    pub(crate) mobility: Vec<DVec3>,
-    /// √m (#controls × 3).
-    pub(crate) roots: Vec<DVec3>,
-    /// The posed vertices (#vertices × 3).
-    pub(crate) posed: Vec<DVec3>,
-    pub(crate) target: f64,
-    pub(crate) volume_before: f64,
-    /// Of the posed vertices.
-    pub(crate) extent: f64,
+    pub(crate) metric: &'a Metric,
+    wanted: &'a Wanted,
+    pub(crate) goals: Goals,
     pub(crate) points: &'a [PointTarget],
     /// What moves a point, where there are points.
-    rows: Option<CoordinateRows>,
+    pub(crate) rows: Option<PointRows>,
+    /// The posed vertices (#vertices × 3), relative to `origin`.
+    pub(crate) posed: Vec<DVec3>,
+    origin: DVec3,
+    /// Of the posed vertices.
+    volumes: Volumes,
+    /// Of the posed vertices.
+    pub(crate) extent: f64,
+    /// What is added to the volumes, where another body stands for the one that is meant.
+    tilt: Option<Tilt>,
+}
+
+/// A linear function of the displacement, added to each goal's volume.
+pub(crate) struct Tilt {
+    /// Its value without displacement (#goals).
+    pub(crate) offset: Vec<f64>,
+    /// Its gradient (#goals × #controls × 3).
+    pub(crate) slope: Vec<Vec<DVec3>>,
 }
 
 /// Where a correction stands.
-#[derive(Clone)]
+#[derive(Clone, Debug)]
 pub(crate) struct State {
     /// δ so far (#controls × 3).
     pub(crate) displacement: Vec<DVec3>,
     /// X + W δ (#vertices × 3).
     pub(crate) vertices: Vec<DVec3>,
-    /// Its volume.
-    pub(crate) volume: f64,
+    /// Its volumes.
+    pub(crate) volumes: Volumes,
     pub(crate) steps: usize,
 }
 
@@ -401,21 +597,77 @@ pub(crate) struct Step {
     pub(crate) vertices: Vec<DVec3>,
 }
 
+/// How a goal's volume depends on the controls at a state.
+pub(crate) struct Slope {
+    /// ∇V (#controls × 3).
+    pub(crate) controls: Vec<DVec3>,
+    /// Σ |∂V/∂p| over the vertices: at most the surface's area, and the scale on which ∇V is rounded.
+    pub(crate) spread: f64,
+}
+
+/// The slopes of all goals in the metric.
+pub(crate) struct Normals {
+    /// Rᵀ ∇V, less what would move a point (#goals × #unknowns).
+    pub(crate) pulled: Vec<Vec<f64>>,
+    /// The same as rows; a goal that depends on no control is none of them.
+    pub(crate) rows: Rows,
+    /// Whether a goal depends on no control.
+    is_dead: Vec<bool>,
+}
+
 impl State {
-    /// This state after `step`, its volume not yet measured.
+    /// This state after `step`, its volumes not yet measured.
     pub(crate) fn after(&self, step: &Step) -> Self {
         Self {
             displacement: displaced(&self.displacement, &step.controls),
             vertices: displaced(&self.vertices, &step.vertices),
-            volume: self.volume,
+            volumes: self.volumes.clone(),
             steps: self.steps + 1,
         }
     }
 }
 
-impl Problem<'_> {
-    pub(crate) fn impossible(&self, reason: Reason) -> CorrectError {
-        CorrectError::Impossible { target: self.target, volume: self.volume_before, reason }
+impl<'a> Problem<'a> {
+    /// That `goal` (an index of [`Goals`]; `None`: the points) cannot be met.
+    pub(crate) fn impossible(&self, goal: Option<usize>, reason: Reason) -> CorrectError {
+        match goal {
+            None => CorrectError::Impossible { goal: None, target: 0.0, volume: 0.0, reason },
+            Some(goal) => {
+                let (index, target) = (self.goals.index[goal], self.goals.targets[goal]);
+                let volume = self.wanted.volumes[index].of(&self.volumes);
+                CorrectError::Impossible { goal: Some(index), target, volume, reason }
+            }
+        }
+    }
+
+    /// The pose itself.
+    fn posed_state(&self) -> State {
+        let displacement = vec![DVec3::ZERO; self.binding.control_count()];
+        State { displacement, vertices: self.posed.clone(), volumes: self.volumes.clone(), steps: 0 }
+    }
+
+    /// The same request for another body and binding with the volumes tilted.
+    pub(crate) fn standing_for<'b>(
+        &'b self,
+        solid: &'b Solid,
+        binding: &'b Binding,
+        posed: Vec<DVec3>,
+        tilt: Tilt,
+    ) -> Problem<'b> {
+        Problem {
+            solid,
+            binding,
+            metric: self.metric,
+            wanted: self.wanted,
+            goals: self.goals.clone(),
+            points: self.points,
+            rows: self.rows.clone(),
+            volumes: solid.volumes(&posed),
+            posed,
+            origin: self.origin,
+            extent: self.extent,
+            tilt: Some(tilt),
+        }
     }
 
     /// How far each point still has to go (#points).
@@ -432,81 +684,168 @@ impl Problem<'_> {
         self.moves(state).iter().map(|m| m.length()).fold(0.0, f64::max) / self.extent
     }
 
-    fn worst_point(&self, state: &State) -> Reason {
-        let misses = self.moves(state).into_iter().map(|m| m.length()).enumerate();
-        let (point, by) = misses.fold((0, 0.0), |worst, miss| if miss.1 > worst.1 { miss } else { worst });
-        Reason::Contradiction { point, by }
+    /// The volumes of the goals (#goals).
+    pub(crate) fn goal_volumes(&self, state: &State) -> Vec<f64> {
+        let mut volumes = self.goals.volumes(&state.volumes);
+        if let Some(tilt) = &self.tilt {
+            for ((volume, offset), slope) in volumes.iter_mut().zip(&tilt.offset).zip(&tilt.slope) {
+                *volume += offset + slope.iter().zip(&state.displacement).map(|(s, d)| s.dot(*d)).sum::<f64>();
+            }
+        }
+        volumes
+    }
+
+    /// The scale of a goal's volume: before or after, what is less.
+    pub(crate) fn volume_scale(&self, goal: usize) -> f64 {
+        let before = self.goals.volumes(&self.volumes)[goal];
+        before.abs().min(self.goals.targets[goal].abs())
+    }
+
+    /// What each goal's volume still lacks (#goals).
+    pub(crate) fn deficits(&self, state: &State) -> Vec<f64> {
+        self.goals.targets.iter().zip(self.goal_volumes(state)).map(|(target, volume)| target - volume).collect()
+    }
+
+    /// The largest of the goals' relative errors, those included that follow from others.
+    fn relative_error(&self, state: &State) -> f64 {
+        let error = |goal: &VolumeGoal| ((goal.of(&state.volumes) - goal.volume) / goal.volume).abs();
+        self.wanted.volumes.iter().map(error).fold(0.0, |a, b| if b > a || b.is_nan() { b } else { a })
+    }
+
+    /// Whether every goal is met, to its own rounding.
+    pub(crate) fn is_met(&self, state: &State) -> bool {
+        self.deficits(state)
+            .iter()
+            .zip(&self.goals.targets)
+            .all(|(d, t)| d.abs() <= tolerances::VOLUME_ROUNDING * t.abs())
+    }
+
+    /// The goal that is missed most, relatively; none without goals.
+    pub(crate) fn unmet_goal(&self, state: &State) -> Option<usize> {
+        let errors = self.deficits(state).into_iter().zip(&self.goals.targets).map(|(d, t)| (d / t).abs());
+        errors.enumerate().max_by(|a, b| a.1.total_cmp(&b.1)).map(|(goal, _)| goal)
+    }
+
+    /// Whether the end of a correction is what was wanted.
+    fn check(&self, end: &State) -> Result<(), CorrectError> {
+        if self.point_error(end) > tolerances::POINT {
+            let misses = self.moves(end).into_iter().map(|m| m.length()).enumerate();
+            let (point, by) = misses.fold((0, 0.0), |worst, miss| if miss.1 > worst.1 { miss } else { worst });
+            return Err(self.impossible(self.unmet_goal(end), Reason::Contradiction { point, by }));
+        }
+        let relative_error = self.relative_error(end);
+        if !relative_error.is_finite() {
+            return Err(self.impossible(self.unmet_goal(end), Reason::Overflow));
+        }
+        if relative_error > tolerances::VOLUME {
+            return Err(self.impossible(self.unmet_goal(end), Reason::Rounding { relative_error }));
+        }
+        Ok(())
     }
 
     /// `state` with the points brought to their targets by the smallest displacement.
     fn with_points(&self, state: State) -> Result<State, CorrectError> {
         let Some(rows) = &self.rows else { return Ok(state) };
-        let controls = rows
-            .least(&self.moves(&state), tolerances::POINT * self.extent)
-            .map_err(|Missed { point, by }| self.impossible(Reason::Contradiction { point, by }))?;
+        let z = rows
+            .least(self.metric.unknowns(), &self.moves(&state), tolerances::POINT * self.extent)
+            .map_err(|Missed { row, by }| self.misses(&state, row, by))?;
+        Ok(self.measured(state.after(&self.step(&z))))
+    }
+
+    /// That a point contradicts others.
+    pub(crate) fn misses(&self, state: &State, point: usize, by: f64) -> CorrectError {
+        self.impossible(self.unmet_goal(state), Reason::Contradiction { point, by })
+    }
+
+    /// What z (#unknowns) does.
+    pub(crate) fn step(&self, z: &[f64]) -> Step {
+        let controls = self.metric.displacement(z);
         let vertices = self.binding.apply(&controls);
-        let mut state = state.after(&Step { controls, vertices });
-        state.volume = self.solid.volume(&state.vertices);
-        Ok(state)
+        Step { controls, vertices }
     }
 
-    /// M ∘ g (#controls × 3), less what would move a point.
-    pub(crate) fn pull(&self, gradient: &[DVec3]) -> Vec<DVec3> {
-        let Some(rows) = &self.rows else {
-            return gradient.iter().zip(&self.mobility).map(|(g, m)| *g * *m).collect();
+    /// `state` with its volumes measured.
+    pub(crate) fn measured(&self, mut state: State) -> State {
+        state.volumes = self.solid.volumes(&state.vertices);
+        state
+    }
+
+    /// ∇V of each goal (#goals).
+    pub(crate) fn slopes(&self, state: &State) -> Vec<Slope> {
+        let slope = |goal: usize| {
+            let gradient = self.goals.vertex_gradient(goal, self.solid, &state.vertices);
+            let mut controls = self.binding.adjoint(&gradient);
+            if let Some(tilt) = &self.tilt {
+                controls.iter_mut().zip(&tilt.slope[goal]).for_each(|(c, s)| *c += *s);
+            }
+            Slope { controls, spread: spread(&gradient) }
         };
-        let mut y = self.scaled(gradient);
-        rows.project(&mut y);
-        self.scaled(&y)
+        (0..self.goals.len()).map(slope).collect()
     }
 
-    /// √m ∘ v (#controls × 3).
-    pub(crate) fn scaled(&self, v: &[DVec3]) -> Vec<DVec3> {
-        v.iter().zip(&self.roots).map(|(v, s)| *v * *s).collect()
+    /// The slopes in the metric.
+    pub(crate) fn normals(&self, slopes: &[Slope]) -> Normals {
+        let root = self.metric.largest_mobility().sqrt();
+        let mut normals = Normals { pulled: Vec::new(), rows: Rows::default(), is_dead: Vec::new() };
+        for slope in slopes {
+            let mut pulled = self.metric.pulled(&slope.controls);
+            self.project(&mut pulled);
+            let least = tolerances::DEAD_AXIS * slope.spread * root;
+            normals.is_dead.push(crate::rows::dot(&pulled, &pulled) <= least * least);
+            normals.rows.push(pulled.clone(), least);
+            normals.pulled.push(pulled);
+        }
+        normals
     }
 
-    /// Takes away from y = δ/√m (#controls × 3) what would move a point.
-    pub(crate) fn project(&self, y: &mut [DVec3]) {
+    /// The smallest z that changes the goals' volumes by `wanted` to first order, or why there is none.
+    pub(crate) fn least(&self, normals: &Normals, wanted: &[f64]) -> Result<Vec<f64>, CorrectError> {
+        let (z, missed) = normals.rows.least(self.metric.unknowns(), wanted);
+        match missed {
+            Some(Missed { row, by }) if by > tolerances::VOLUME * self.goals.targets[row].abs() => {
+                let reason = if normals.is_dead[row] { Reason::Dead } else { Reason::Coupled { by } };
+                Err(self.impossible(Some(row), reason))
+            }
+            _ => Ok(z),
+        }
+    }
+
+    /// `Σ factor · ∇²V v` over the goals (#controls × 3) at `state` along the control displacement v (#controls × 3).
+    pub(crate) fn slope_change(&self, state: &State, factors: &[f64], v: &[DVec3]) -> Vec<DVec3> {
+        let q = self.binding.apply(v);
+        self.binding.adjoint(&self.goals.gradient_change(factors, self.solid, &state.vertices, &q))
+    }
+
+    /// Takes away from z (#unknowns) what would move a point.
+    pub(crate) fn project(&self, z: &mut [f64]) {
         if let Some(rows) = &self.rows {
-            rows.project(y);
+            rows.project(z);
         }
     }
 
-    /// Whether `volume` is the target, to its own rounding.
-    pub(crate) fn is_met(&self, volume: f64) -> bool {
-        (volume - self.target).abs() <= tolerances::VOLUME_ROUNDING * self.target.abs()
-    }
-
-    fn check_movable(&self) -> Result<(), CorrectError> {
-        if self.mobility.iter().all(|m| *m == DVec3::ZERO) {
-            return Err(self.impossible(Reason::Pinned));
-        }
-        if self.binding.kept_count() == self.binding.vertex_count() {
-            return Err(self.impossible(Reason::NothingBound));
-        }
-        Ok(())
-    }
-
-    /// Measures `state` and takes away what rounding left of the deficit: by small steps of the same kind, `step(state,
-    /// deficit)` (`None` where no such step exists any more), and at last by the choice of roundings.
-    pub(crate) fn finished(&self, mut state: State, step: impl Fn(&State, f64) -> Option<Step>) -> State {
+    /// Measures `state` and takes away what rounding left of the deficits: by small steps of the same kind, `step(state,
+    /// deficits, round)` (`None` where no such step exists any more), and at last by the choice of roundings.
+    pub(crate) fn finished(&self, state: State, step: impl Fn(&State, &[f64], usize) -> Option<Step>) -> State {
         /// More: nothing left to gain after two or three; fewer: thin models end further off than they need.
         const ROUNDS: usize = 4;
-        state.volume = self.solid.volume(&state.vertices);
+        let error =
+            |deficits: &[f64]| -> f64 { deficits.iter().zip(&self.goals.targets).map(|(d, t)| (d / t).abs()).sum() };
+        let mut state = self.measured(state);
         for round in 0..2 * ROUNDS {
-            let deficit = self.target - state.volume;
-            let is_good = deficit.abs() <= tolerances::VOLUME * self.target.abs();
-            if self.is_met(state.volume) || !deficit.is_finite() || (is_good && round >= ROUNDS) {
+            let deficits = self.deficits(&state);
+            let is_good =
+                deficits.iter().zip(&self.goals.targets).all(|(d, t)| d.abs() <= tolerances::VOLUME * t.abs());
+            if self.is_met(&state) || !error(&deficits).is_finite() || (is_good && round >= ROUNDS) {
                 break;
             }
             let next = if round < ROUNDS {
-                step(&state, deficit).map(|step| state.after(&step))
+                step(&state, &deficits, round).map(|step| state.after(&step))
             } else {
-                Some(self.rounded_otherwise(&state, deficit))
+                Some(self.rounded_otherwise(&state, &deficits))
             };
-            let Some(mut next) = next else { continue };
-            next.volume = self.solid.volume(&next.vertices);
-            if (self.target - next.volume).abs() < deficit.abs() {
+            let Some(next) = next else { continue };
+            let next = self.measured(next);
+            if error(&self.deficits(&next)) < error(&deficits) {
                 state = next;
             }
         }
@@ -514,28 +853,46 @@ impl Problem<'_> {
     }
 
     /// `state` with some coordinates that the correction moved rounded up or down by one unit in the last place, such that
-    /// the deficit shrinks: the largest effects first.
-    fn rounded_otherwise(&self, state: &State, deficit: f64) -> State {
-        let gradient = self.solid.volume_gradient(&state.vertices);
+    /// the deficits shrink: the largest effects first, where a vertex concerns one goal only.
+    fn rounded_otherwise(&self, state: &State, deficits: &[f64]) -> State {
+        let gradients: Vec<Vec<DVec3>> =
+            (0..self.goals.len()).map(|goal| self.goals.vertex_gradient(goal, self.solid, &state.vertices)).collect();
         let moved = |v: usize, a: usize| state.vertices[v][a] != self.posed[v][a];
-        let mut units: Vec<(f64, usize, usize)> = (0..gradient.len())
-            .filter(|v| !self.solid.has_twin(*v))
-            .flat_map(|v| (0..3).map(move |a| (v, a)))
-            .filter(|(v, a)| moved(*v, *a))
-            .map(|(v, a)| (gradient[v][a] * (state.vertices[v][a].next_up() - state.vertices[v][a]), v, a))
-            .collect();
-        units.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
-        let mut state = state.clone();
-        let mut open = deficit;
-        for (effect, v, a) in units {
-            let x = &mut state.vertices[v][a];
-            if (open - effect).abs() < open.abs() {
-                (*x, open) = (x.next_up(), open - effect);
-            } else if (open + effect).abs() < open.abs() {
-                (*x, open) = (x.next_down(), open + effect);
+        let concerns = |v: usize| gradients.iter().filter(|gradient| gradient[v] != DVec3::ZERO).count();
+        let free: Vec<usize> =
+            (0..state.vertices.len()).filter(|v| !self.solid.has_twin(*v) && concerns(*v) == 1).collect();
+        let mut next = state.clone();
+        for (gradient, &deficit) in gradients.iter().zip(deficits) {
+            let mut units: Vec<(f64, usize, usize)> = free
+                .iter()
+                .filter(|v| gradient[**v] != DVec3::ZERO)
+                .flat_map(|v| (0..3).map(move |a| (*v, a)))
+                .filter(|(v, a)| moved(*v, *a))
+                .map(|(v, a)| (gradient[v][a] * (state.vertices[v][a].next_up() - state.vertices[v][a]), v, a))
+                .collect();
+            units.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
+            let mut open = deficit;
+            for (effect, v, a) in units {
+                let x = &mut next.vertices[v][a];
+                if (open - effect).abs() < open.abs() {
+                    (*x, open) = (x.next_up(), open - effect);
+                } else if (open + effect).abs() < open.abs() {
+                    (*x, open) = (x.next_down(), open + effect);
+                }
             }
         }
-        state.steps += 1;
-        state
+        next.steps += 1;
+        next
     }
+
+    /// The smallest step that takes away `deficits` to first order; `None` where there is none.
+    pub(crate) fn least_step(&self, state: &State, deficits: &[f64]) -> Option<Step> {
+        let normals = self.normals(&self.slopes(state));
+        Some(self.step(&self.least(&normals, deficits).ok()?))
+    }
+}
+
+/// Σ |g| over the vertices.
+pub(crate) fn spread(gradient: &[DVec3]) -> f64 {
+    gradient.iter().map(|g| g.length()).sum()
 }

@@ -6,57 +6,60 @@
 //! rotates with the model, and needs no order of axes. On ordinary poses it is a few percent longer than the smallest
 //! displacement that any correction could make ([`crate::nearest`]).
 //!
-//! The root is the one that is reached from t = 0 without the volume turning back on the way.
+//! The root is the one that is reached from t = 0 without the volume turning back on the way. Several volumes at once go along all
+//! their gradients, `Σ t_c D_c`: coupled polynomials, followed from t = 0 in the same way.
+
+use faer::linalg::solvers::Solve;
+use faer::{Mat, MatRef};
 
 use crate::correct::{CorrectError, Problem, Reason, State, Step};
 use crate::double;
+use crate::rows::{add, dot};
 use crate::tolerances;
 
-/// Corrects by one step along the gradient.
+/// Corrects by one step along the gradient, or along the gradients of several volumes.
 pub(crate) fn corrected(problem: &Problem, state: State) -> Result<State, CorrectError> {
-    let mut state = state;
-    if !problem.is_met(state.volume) {
-        let line = Line::at(problem, &state).ok_or_else(|| problem.impossible(Reason::Dead))?;
-        let turns = |reach| problem.impossible(Reason::Turns { limit: state.volume + reach });
-        let t = line.cubic(problem, &state).first_root(problem.target - state.volume).map_err(turns)?;
-        state = state.after(&line.step(t));
-    }
-    Ok(problem.finished(state, |state, deficit| {
-        let line = Line::at(problem, state)?;
-        Some(line.step(deficit / line.slope))
-    }))
+    let end = match problem.goals.len() {
+        0 => state,
+        _ if problem.is_met(&state) => state,
+        1 => along_line(problem, &state)?,
+        _ => along_all(problem, &state)?,
+    };
+    Ok(problem.finished(end, |state, deficits, _| problem.least_step(state, deficits)))
 }
 
-/// The line `C + t D` through a state.
-pub(crate) struct Line {
-    /// D = M ∘ Wᵀ g (#controls × 3), less what would move a point, and d = W D (#vertices × 3).
+/// The exact step for one goal.
+fn along_line(problem: &Problem, state: &State) -> Result<State, CorrectError> {
+    let line = Line::at(problem, state).ok_or_else(|| problem.impossible(Some(0), Reason::Dead))?;
+    let volume = problem.goal_volumes(state)[0];
+    let turns = |reach| problem.impossible(Some(0), Reason::Turns { limit: volume + reach });
+    let t = line.cubic(problem, state).first_root(problem.goals.targets[0] - volume).map_err(turns)?;
+    Ok(state.after(&line.step(t)))
+}
+
+/// The line `C + t D` through a state, for one goal.
+struct Line {
+    /// D = R Rᵀ Wᵀ g (#controls × 3), less what would move a point, and d = W D (#vertices × 3).
     unit: Step,
     /// a₁ = (Wᵀ g) · D.
-    pub(crate) slope: f64,
+    slope: f64,
 }
 
 impl Line {
     /// `None` where the volume depends on no control.
-    pub(crate) fn at(problem: &Problem, state: &State) -> Option<Self> {
-        let gradient = problem.binding.adjoint(&problem.solid.volume_gradient(&state.vertices));
-        let controls = problem.pull(&gradient);
-        let slope = gradient.iter().zip(&controls).map(|(g, d)| g.dot(*d)).sum::<f64>();
-        let most = problem.mobility.iter().map(|m| m.max_element()).fold(0.0, f64::max);
-        let limit = tolerances::DEAD_AXIS * problem.solid.area(&state.vertices);
-        if slope <= limit * limit * most {
-            return None;
-        }
-        let vertices = problem.binding.apply(&controls);
-        Some(Self { unit: Step { controls, vertices }, slope })
+    fn at(problem: &Problem, state: &State) -> Option<Self> {
+        let normals = problem.normals(&problem.slopes(state));
+        let pulled = &normals.pulled[0];
+        normals.rows.is_independent(0).then(|| Self { unit: problem.step(pulled), slope: dot(pulled, pulled) })
     }
 
     /// a₁, a₂, a₃. Coefficients below the rounding of their summed terms are 0: they are noise, and noise can bend a line
     /// back that in truth goes on.
-    pub(crate) fn cubic(&self, problem: &Problem, state: &State) -> Cubic {
+    fn cubic(&self, problem: &Problem, state: &State) -> Cubic {
         /// Roundings in a term. More: true curvature is dropped; less: noise is kept.
         const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
         let d = &self.unit.vertices;
-        let g = problem.solid.volume_gradient(d);
+        let g = problem.goals.vertex_gradient(0, problem.solid, d);
         let products = |x: &'_ [glam::DVec3]| {
             let pairs = g.iter().zip(x).flat_map(|(g, x)| g.to_array().into_iter().zip(x.to_array()));
             let (sum, magnitude) = double::dot(pairs);
@@ -65,15 +68,86 @@ impl Line {
         Cubic { a1: self.slope, a2: products(&state.vertices), a3: products(d) / 3.0 }
     }
 
-    pub(crate) fn step(&self, t: f64) -> Step {
+    fn step(&self, t: f64) -> Step {
         let scaled = |vectors: &[glam::DVec3]| vectors.iter().map(|v| *v * t).collect();
         Step { controls: scaled(&self.unit.controls), vertices: scaled(&self.unit.vertices) }
     }
 }
 
+/// The step for several goals: `Σ t_c D_c` with `D_c = R h_c`, h_c the goals' normals at the start, such that all volumes come out. t is
+/// followed from 0 while the wanted volumes go from what they are to what they shall be; where the volumes' Jacobian matrix by t turns
+/// singular on the way, they turn back.
+fn along_all(problem: &Problem, start: &State) -> Result<State, CorrectError> {
+    /// The shortest part of the way that is tried. Shorter: more ends are reached that lie just before a turn.
+    const SHORTEST: f64 = 1.0 / 1024.0;
+    let normals = problem.normals(&problem.slopes(start));
+    let deficits = problem.deficits(start);
+    problem.least(&normals, &deficits)?; // names goals that no displacement meets
+    let goals = deficits.len();
+    let free: Vec<usize> = (0..goals).filter(|goal| normals.rows.is_independent(*goal)).collect();
+    let state_at = |t: &[f64]| {
+        let mut z = vec![0.0; problem.metric.unknowns()];
+        free.iter().zip(t).for_each(|(goal, t)| add(&mut z, *t, &normals.pulled[*goal]));
+        problem.measured(start.after(&problem.step(&z)))
+    };
+    let jacobian = |state: &State| {
+        let at = problem.normals(&problem.slopes(state));
+        Mat::from_fn(free.len(), free.len(), |i, j| dot(&at.pulled[free[i]], &normals.pulled[free[j]]))
+    };
+    let size = |missing: &[f64]| -> f64 {
+        missing.iter().zip(&free).map(|(m, goal)| (m / problem.goals.targets[*goal]).abs()).sum()
+    };
+    let mut t = vec![0.0; free.len()];
+    let mut state = start.clone();
+    let mut slope = jacobian(&state);
+    let orientation = slope.determinant().signum();
+    let (mut done, mut part) = (0.0, 1.0);
+    while done < 1.0 {
+        let goal_part = f64::min(1.0, done + part);
+        let missing = |state: &State| -> Vec<f64> {
+            let open = problem.deficits(state);
+            free.iter().map(|goal| open[*goal] - (1.0 - goal_part) * deficits[*goal]).collect()
+        };
+        let (mut next, mut next_slope, mut at) = (state.clone(), slope.clone(), t.clone());
+        let mut has_arrived = false;
+        loop {
+            let open = missing(&next);
+            if size(&open) <= tolerances::VOLUME_ROUNDING * goals as f64 {
+                has_arrived = true;
+                break;
+            }
+            let step = next_slope.partial_piv_lu().solve(MatRef::from_column_major_slice(&open, open.len(), 1));
+            let further: Vec<f64> = at.iter().enumerate().map(|(k, t)| t + step[(k, 0)]).collect();
+            let there = state_at(&further);
+            let left = size(&missing(&there));
+            // Newton's steps shrink quadratically; what does not at least halve is no longer on its way, or has arrived.
+            if !(left <= 0.5 * size(&open)) {
+                has_arrived = size(&open) <= tolerances::VOLUME * goals as f64;
+                break;
+            }
+            (next_slope, next, at) = (jacobian(&there), there, further);
+            if next_slope.determinant().signum() != orientation {
+                break;
+            }
+        }
+        if has_arrived {
+            (state, slope, t, done, part) = (next, next_slope, at, goal_part, 2.0 * part);
+        } else {
+            part /= 2.0;
+            if part < SHORTEST {
+                let goal = problem.unmet_goal(&state);
+                let limit = goal.map_or(0.0, |goal| problem.goal_volumes(&state)[goal]);
+                return Err(problem.impossible(goal, Reason::Turns { limit }));
+            }
+        }
+    }
+    state.steps = start.steps + 1;
+    Ok(state)
+}
+
 /// `a₁ t + a₂ t² + a₃ t³`, a₁ > 0.
 #[derive(Clone, Copy, Debug)]
-pub(crate) struct Cubic {
+struct Cubic {
     a1: f64,
     a2: f64,
     a3: f64,
@@ -82,7 +156,7 @@ pub(crate) struct Cubic {
 impl Cubic {
     /// The t nearest 0 with value `wanted`, such that the cubic is monotone between 0 and t. `Err`: the value at which it
     /// turns back before.
-    pub(crate) fn first_root(self, wanted: f64) -> Result<f64, f64> {
+    fn first_root(self, wanted: f64) -> Result<f64, f64> {
         // t = r · wanted/a₁ with r > 0 makes it r + b r² + c r³ = 1: near 1 where the volume is almost linear.
         let unit = wanted / self.a1;
         let (b, c) = (self.a2 * unit / self.a1, self.a3 * unit * unit / self.a1);

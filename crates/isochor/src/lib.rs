@@ -35,7 +35,7 @@
 //!
 //! ```
 //! # use isochor::{Basis, Frame, Lattice, OpenBoundaries, Outside, Solid, displaced, shapes, topology};
-//! use isochor::{CorrectOptions, Method, Pose, correct};
+//! use isochor::{CorrectOptions, Method, Pose, Wanted, correct};
 //! # let mesh = shapes::cube(4);
 //! # let solid = Solid::new(&mesh, &topology(&mesh), OpenBoundaries::Refuse).unwrap();
 //! # let frame = Frame::fitted(mesh.bounds().unwrap(), 0.0).unwrap();
@@ -46,7 +46,7 @@
 //!
 //! let method = Method::Axes { directions: vec![glam::DVec3::X, glam::DVec3::Y], shares: None };
 //! let pose = Pose { solid: &solid, vertices: &posed, binding: &binding };
-//! let corrected = correct(&pose, 1.0, &CorrectOptions { method, ..CorrectOptions::default() })?;
+//! let corrected = correct(&pose, &Wanted::volume(1.0), &CorrectOptions { method, ..CorrectOptions::default() })?;
 //! assert!((solid.volume(&corrected.vertices) - 1.0).abs() < 1e-13);
 //! # Ok::<(), isochor::CorrectError>(())
 //! ```
@@ -73,11 +73,14 @@
 mod axes;
 mod binding;
 mod bspline;
+mod coarse;
 mod correct;
 mod double;
 mod edit;
+mod energy;
 #[cfg(feature = "serde")]
 mod exact;
+mod goals;
 mod gradient;
 mod health;
 mod job;
@@ -85,12 +88,14 @@ mod job;
 mod job_text;
 mod lattice;
 mod mesh;
+mod metric;
 mod nearest;
 mod outcome;
 mod parallel;
 mod points;
 mod posed;
 mod report;
+mod rows;
 mod select;
 pub mod shapes;
 pub mod tolerances;
@@ -99,11 +104,13 @@ mod volume;
 
 pub use binding::{Binding, displaced};
 pub use bspline::{Basis, BasisError, MAX_SIZE};
-pub use correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, correct};
+pub use correct::{CorrectError, CorrectOptions, Correction, Corrector, Method, Pose, Reason, Status, Wanted, correct};
 pub use edit::{
     Axis, Bend, Edit, EditError, Factors, LengthUnit, Move, Noise, Rotate, RotationAxis, Scale, SignedAxis, Stretch,
     Taper, Twist,
 };
+pub use energy::Energy;
+pub use goals::{Components, VolumeGoal};
 pub use health::{Health, Source, Verdict};
 pub use job::{
     Amount, AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots, LatticeRequest,

@@ -1,16 +1,21 @@
-//! The nearest pose of the wanted volume: the true minimiser of `Σ δ²/m` subject to `V(X + W δ) = V_ref`.
+//! The nearest pose of the wanted volumes: the true minimiser of `Σ δ²/m` subject to `V(X + W δ) = V_ref`.
 //!
-//! Its condition (Karush–Kuhn–Tucker) is `δ = μ M ∘ ∇V(δ)` with ∇V = Wᵀ g at the corrected vertices: the displacement that the
-//! volume's gradient *at the end* would make, where [`crate::gradient`] takes that at the start.
+//! Its condition (Karush–Kuhn–Tucker) is `δ = Σ_g μ_g M ∘ ∇V_g(δ)`, the sum over the wanted volumes, with ∇V = Wᵀ g at the corrected
+//! vertices: the displacement that the volumes' gradients *at the end* would make, where [`crate::gradient`] takes those at the start.
 //!
-//! Method: Newton's method on the surface of poses of the wanted volume. With y = δ/√m, h = √m ∘ ∇V and the multiplier `μ =
-//! (y·h)/(h·h)`, the tangential residual is `r = y − μ h`. A step d solves `P (I − μ H) P d = −r`, P the projection onto the
-//! tangents of the surface and `H v = √m ∘ Wᵀ dg[W (√m ∘ v)]` the volume's Hessian, never assembled, by conjugate gradients,
-//! which stop at negative curvature (T. Steihaug, *The conjugate gradient method and trust regions in large scale
-//! optimization*, 1983). Each iterate is brought back to the surface by the exact cubic of [`crate::gradient`], so every one
-//! has the wanted volume and the distance |y| falls from one to the next: the iteration cannot diverge, however large the
-//! deficit is. Points that must come to exact places take their rows out of y, h and every step. The search starts from the
-//! gradient's correction, or, where the volume turns back on that line, from that along the axes.
+//! Method: Newton's method on the surface of poses of the wanted volumes. With δ = R z ([`crate::metric`]), h = Rᵀ ∇V and multipliers μ
+//! such that the tangential residual `r = z − Σ μ h` is least, a step d solves `P (I − Σ μ RᵀHR) P d = −r`, P the projection onto the
+//! tangents of the surface and `H v = Wᵀ dg[W v]` the volume's Hessian, never assembled, by conjugate gradients, which stop at
+//! negative curvature (T. Steihaug, *The conjugate gradient method and trust regions in large scale optimization*, 1983). Each iterate
+//! is brought back to the surface by the smallest steps, so every one has the wanted volumes and the distance |z| falls from
+//! one to the next: the iteration cannot diverge, however large the deficit is. Points that must come to exact places take their
+//! rows out of z, h and every step. The search starts from the gradient's correction, or, where the volume turns back on that
+//! line, from that along the axes.
+//!
+//! *Coarse level.* On a large mesh the search runs on a coarse stand-in ([`crate::coarse`]) whose volumes are tilted by a linear function
+//! of δ such that they and their gradients agree with the fine ones at the last fine iterate; then the fine mesh is evaluated at what
+//! was found, and so on (defect correction). The coarse Hessian is all that is not exact, so a few fine evaluations reach the fine
+//! mesh's own condition. Where that does not come nearer any more, the search goes on on the fine mesh.
 //!
 //! # Changes versus the paper
 //!
@@ -18,12 +23,14 @@
 
 use glam::DVec3;
 
-use crate::correct::{CorrectError, Problem, State};
-use crate::gradient::Line;
+use crate::axes::{self, Axis};
+use crate::coarse::Coarse;
+use crate::correct::{CorrectError, Normals, Problem, State, Tilt};
+use crate::gradient;
+use crate::rows::{add, dot};
 use crate::tolerances;
-use crate::{axes, gradient};
 
-/// Newton steps at most. Ordinary poses take 3 to 6; more than 50 only where |y| is almost flat.
+/// Newton steps at most. Ordinary poses take 3 to 6; more than 50 only where |z| is almost flat.
 const STEPS: usize = 60;
 
 /// Conjugate gradient steps for one Newton step at most. Ordinary poses take 4 to 8.
@@ -32,49 +39,34 @@ const INNER_STEPS: usize = 60;
 /// Halvings of a step at most. More: hopeless steps cost time; fewer: steps on strongly curved surfaces are given up.
 const HALVINGS: usize = 30;
 
-/// A pose of the wanted volume.
+/// Evaluations of the fine mesh at most, while the coarse one stands for it. Ordinary poses take 5 to 8.
+const ROUNDS: usize = 20;
+
+/// A pose, on the surface or near it.
 struct Iterate {
     state: State,
-    /// δ/√m (#controls × 3), 0 where m = 0.
-    y: Vec<DVec3>,
-    /// √m ∘ ∇V (#controls × 3), less what would move a point.
-    h: Vec<DVec3>,
-    /// μ.
-    multiplier: f64,
-    /// y − μ h, less what would move a point.
-    residual: Vec<DVec3>,
-    /// `‖δ − μ M ∘ ∇V‖∞`, in extents.
+    /// δ = R z (#unknowns).
+    z: Vec<f64>,
+    normals: Normals,
+    /// μ (#goals).
+    multipliers: Vec<f64>,
+    /// z − Σ μ h, less what would move a point.
+    residual: Vec<f64>,
+    /// `‖δ − Σ μ M ∘ ∇V‖∞`, in extents.
     residual_norm: f64,
 }
 
 /// Corrects by the smallest displacement.
 ///
-/// Returns the residual `‖δ − μ M ∘ ∇V‖∞` too, in extents.
+/// Returns the residual `‖δ − Σ μ M ∘ ∇V‖∞` too, in extents.
 pub(crate) fn corrected(problem: &Problem, start: State) -> Result<(State, f64), CorrectError> {
-    let first = gradient::corrected(problem, start.clone())
-        .or_else(|error| axes::corrected(problem, start, &DVec3::AXES, None).map_err(|_| error))?;
     let search = Search { problem };
-    let mut best = search.iterate(first);
-    for _ in 0..STEPS {
-        if best.residual_norm <= tolerances::KKT {
-            break;
-        }
-        let Some(next) = search.next(&best) else { break };
-        // Near the end |y| is constant to rounding, and the residual tells which pose is nearer.
-        let is_nearer = dot(&next.y, &next.y) < dot(&best.y, &best.y) || next.residual_norm < best.residual_norm;
-        let is_stuck = next.residual_norm > 0.5 * best.residual_norm && best.residual_norm <= tolerances::KKT_ENOUGH;
-        if is_nearer {
-            best = next;
-        }
-        if is_stuck || !is_nearer {
-            break;
-        }
-    }
+    let best = match Coarse::of(problem.solid, problem.binding, &problem.posed) {
+        Some(coarse) => search.by_levels(&coarse, start)?,
+        None => search.minimum(search.first(start)?),
+    };
     let residual = best.residual_norm;
-    let end = problem.finished(best.state, |state, deficit| {
-        let line = Line::at(problem, state)?;
-        Some(line.step(deficit / line.slope))
-    });
+    let end = problem.finished(best.state, |state, deficits, _| problem.least_step(state, deficits));
     Ok((end, residual))
 }
 
@@ -83,76 +75,186 @@ struct Search<'a> {
 }
 
 impl Search<'_> {
-    /// A state on the surface with all that the next step needs.
-    fn iterate(&self, state: State) -> Iterate {
-        let divided = |d: DVec3, s: DVec3| DVec3::select(s.cmpeq(DVec3::ZERO), DVec3::ZERO, d / s);
-        let y: Vec<DVec3> = state.displacement.iter().zip(&self.problem.roots).map(|(d, s)| divided(*d, *s)).collect();
-        let gradient = self.problem.solid.volume_gradient(&state.vertices);
-        let mut h = self.problem.scaled(&self.problem.binding.adjoint(&gradient));
-        self.problem.project(&mut h);
-        // Where the points leave nothing free, h is 0 and there is nothing to minimise.
-        let square = dot(&h, &h);
-        let multiplier = if square == 0.0 { 0.0 } else { dot(&y, &h) / square };
-        let mut free = y.clone();
-        self.problem.project(&mut free);
-        let residual: Vec<DVec3> = free.iter().zip(&h).map(|(y, h)| *y - multiplier * *h).collect();
-        let largest = self.problem.scaled(&residual).iter().map(|r| r.abs().max_element()).fold(0.0, f64::max);
-        Iterate { state, y, h, multiplier, residual, residual_norm: largest / self.problem.extent }
+    /// A pose on the surface to start from.
+    fn first(&self, start: State) -> Result<Iterate, CorrectError> {
+        let problem = self.problem;
+        let along_axes = |start| {
+            let axes = Axis::coordinates(problem.metric);
+            axes::corrected(problem, start, &axes, None)
+        };
+        let first =
+            gradient::corrected(problem, start.clone()).or_else(|error| along_axes(start).map_err(|_| error))?;
+        let z = problem.metric.coordinates(&first.displacement);
+        Ok(self.iterate(first, z))
+    }
+
+    /// The nearest pose, searched from a pose on the surface.
+    fn minimum(&self, first: Iterate) -> Iterate {
+        let mut best = first;
+        for _ in 0..STEPS {
+            if best.residual_norm <= tolerances::KKT {
+                break;
+            }
+            let Some(next) = self.next(&best) else { break };
+            // Near the end |z| is constant to rounding, and the residual tells which pose is nearer.
+            let is_nearer = dot(&next.z, &next.z) < dot(&best.z, &best.z) || next.residual_norm < best.residual_norm;
+            let is_stuck =
+                next.residual_norm > 0.5 * best.residual_norm && best.residual_norm <= tolerances::KKT_ENOUGH;
+            if is_nearer {
+                best = next;
+            }
+            if is_stuck || !is_nearer {
+                break;
+            }
+        }
+        best
+    }
+
+    /// The nearest pose, searched on the coarse level as long as that helps.
+    fn by_levels(&self, coarse: &Coarse, start: State) -> Result<Iterate, CorrectError> {
+        let problem = self.problem;
+        let z = problem.metric.coordinates(&start.displacement);
+        let mut best = self.iterate(start.clone(), z);
+        let mut missing = f64::INFINITY;
+        for _ in 0..ROUNDS {
+            let Some(z) = self.coarse_minimum(coarse, &best) else { break };
+            let next = self.iterate(self.state_at(&z, best.state.steps + 1), z);
+            let to_surface = problem.least(&next.normals, &problem.deficits(&next.state));
+            let Ok(to_surface) = to_surface else { break };
+            let off = largest(&problem.metric.displacement(&to_surface)) / problem.extent;
+            let still_missing = next.residual_norm.max(off);
+            if !(still_missing <= 0.5 * missing) {
+                break;
+            }
+            (best, missing) = (next, still_missing);
+            if missing <= tolerances::KKT {
+                return Ok(best);
+            }
+        }
+        // The fine mesh must do the rest.
+        let near = if missing.is_finite() { self.on_surface(&best.z, best.state.steps) } else { None };
+        let first = match near {
+            Some((state, z)) => self.iterate(state, z),
+            None => self.first(start)?,
+        };
+        Ok(self.minimum(first))
+    }
+
+    /// z of the nearest pose of the coarse mesh, whose volumes agree with the fine ones to first order at `at`.
+    fn coarse_minimum(&self, coarse: &Coarse, at: &Iterate) -> Option<Vec<f64>> {
+        let problem = self.problem;
+        let goals = problem.goals.len();
+        let controls = at.state.displacement.len();
+        let level = Tilt { offset: vec![0.0; goals], slope: vec![vec![DVec3::ZERO; controls]; goals] };
+        let plain = problem.standing_for(&coarse.solid, &coarse.binding, coarse.posed.clone(), level);
+        let there = Search { problem: &plain }.state_at(&at.z, 0);
+        let mut tilt = Tilt { offset: Vec::new(), slope: Vec::new() };
+        let fine = problem.slopes(&at.state);
+        for ((fine, coarse), (fine_volume, coarse_volume)) in fine
+            .iter()
+            .zip(plain.slopes(&there))
+            .zip(problem.goal_volumes(&at.state).into_iter().zip(plain.goal_volumes(&there)))
+        {
+            let slope: Vec<DVec3> = fine.controls.iter().zip(&coarse.controls).map(|(f, c)| *f - *c).collect();
+            let linear: f64 = slope.iter().zip(&at.state.displacement).map(|(s, d)| s.dot(*d)).sum();
+            tilt.offset.push(fine_volume - coarse_volume - linear);
+            tilt.slope.push(slope);
+        }
+        let tilted = problem.standing_for(&coarse.solid, &coarse.binding, coarse.posed.clone(), tilt);
+        let search = Search { problem: &tilted };
+        let first = match search.on_surface(&at.z, 0) {
+            Some((state, z)) => search.iterate(state, z),
+            None => search.first(search.state_at(&at.z, 0)).ok()?,
+        };
+        Some(search.minimum(first).z)
+    }
+
+    /// A state with all that the next step needs.
+    fn iterate(&self, state: State, z: Vec<f64>) -> Iterate {
+        let problem = self.problem;
+        let normals = problem.normals(&problem.slopes(&state));
+        let multipliers = normals.rows.multipliers(&z);
+        let mut residual = z.clone();
+        problem.project(&mut residual);
+        for (multiplier, h) in multipliers.iter().zip(&normals.pulled) {
+            add(&mut residual, -multiplier, h);
+        }
+        let residual_norm = largest(&problem.metric.displacement(&residual)) / problem.extent;
+        Iterate { state, z, normals, multipliers, residual, residual_norm }
+    }
+
+    /// The pose of z.
+    fn state_at(&self, z: &[f64], steps: usize) -> State {
+        let problem = self.problem;
+        let step = problem.step(z);
+        let vertices: Vec<DVec3> = problem.posed.iter().zip(&step.vertices).map(|(p, d)| *p + *d).collect();
+        let volumes = problem.solid.volumes(&vertices);
+        State { displacement: step.controls, vertices, volumes, steps }
     }
 
     /// The next pose on the surface that is nearer, by a Newton step or a fraction of it.
     fn next(&self, at: &Iterate) -> Option<Iterate> {
+        /// Distances this close are equal to rounding.
+        const ROUNDING: f64 = 1e-14;
         let direction = self.newton_direction(at);
-        let length = dot(&at.y, &at.y);
+        let length = dot(&at.z, &at.z);
         let mut fraction = 1.0;
         for _ in 0..HALVINGS {
-            let y: Vec<DVec3> = at.y.iter().zip(&direction).map(|(y, d)| *y + fraction * *d).collect();
-            if let Some(state) = self.on_surface(&y, at.state.steps) {
-                let next = self.iterate(state);
-                /// Distances this close are equal to rounding.
-                const ROUNDING: f64 = 1e-14;
-                if dot(&next.y, &next.y) <= length * (1.0 + ROUNDING) {
-                    return Some(next);
-                }
+            let mut z = at.z.clone();
+            add(&mut z, fraction, &direction);
+            if let Some((state, z)) = self.on_surface(&z, at.state.steps)
+                && dot(&z, &z) <= length * (1.0 + ROUNDING)
+            {
+                return Some(self.iterate(state, z));
             }
             fraction /= 2.0;
         }
         None
     }
 
-    /// The pose of y, brought back to the surface along the gradient there.
-    fn on_surface(&self, y: &[DVec3], steps: usize) -> Option<State> {
+    /// The pose of z, brought to the surface by the smallest steps: Newton's method. `None` where that fails.
+    fn on_surface(&self, z: &[f64], steps: usize) -> Option<(State, Vec<f64>)> {
         let problem = self.problem;
-        let displacement = problem.scaled(y);
-        let shift = problem.binding.apply(&displacement);
-        let vertices: Vec<DVec3> = problem.posed.iter().zip(shift).map(|(p, d)| *p + d).collect();
-        let volume = problem.solid.volume(&vertices);
-        let state = State { displacement, vertices, volume, steps };
-        let line = Line::at(problem, &state)?;
-        let t = line.cubic(problem, &state).first_root(problem.target - volume).ok()?;
-        let state = state.after(&line.step(t));
-        Some(state)
+        let size = |state: &State| -> f64 {
+            problem.deficits(state).iter().zip(&problem.goals.targets).map(|(d, t)| (d / t).abs()).sum()
+        };
+        let mut z = z.to_vec();
+        let mut state = self.state_at(&z, steps + 1);
+        while !problem.is_met(&state) {
+            let normals = problem.normals(&problem.slopes(&state));
+            let mut further = problem.least(&normals, &problem.deficits(&state)).ok()?;
+            add(&mut further, 1.0, &z);
+            let next = self.state_at(&further, steps + 1);
+            if !(size(&next) <= 0.5 * size(&state)) {
+                let is_rounding = size(&state) <= tolerances::VOLUME * problem.goals.len() as f64;
+                return is_rounding.then_some((state, z));
+            }
+            (state, z) = (next, further);
+        }
+        Some((state, z))
     }
 
-    /// Conjugate gradients on `P (I − μ H) P d = −r`, as far as curvature is positive.
-    fn newton_direction(&self, at: &Iterate) -> Vec<DVec3> {
-        let tangential = |mut v: Vec<DVec3>| {
-            self.problem.project(&mut v);
-            let along = dot(&v, &at.h) / dot(&at.h, &at.h);
-            v.iter().zip(&at.h).map(|(v, h)| *v - along * *h).collect::<Vec<_>>()
+    /// Conjugate gradients on `P (I − Σ μ RᵀHR) P d = −r`, as far as curvature is positive.
+    fn newton_direction(&self, at: &Iterate) -> Vec<f64> {
+        let problem = self.problem;
+        let tangential = |v: &mut Vec<f64>| {
+            problem.project(v);
+            at.normals.rows.project(v);
         };
-        let operator = |v: &[DVec3]| {
-            let moved = self.problem.binding.apply(&self.problem.scaled(v));
-            let change = self.problem.solid.volume_gradient_change(&at.state.vertices, &moved);
-            let hv = self.problem.scaled(&self.problem.binding.adjoint(&change));
-            tangential(v.iter().zip(hv).map(|(v, hv)| *v - at.multiplier * hv).collect())
+        let operator = |v: &[f64]| {
+            let change = problem.slope_change(&at.state, &at.multipliers, &problem.metric.displacement(v));
+            let mut result = v.to_vec();
+            add(&mut result, -1.0, &problem.metric.pulled(&change));
+            tangential(&mut result);
+            result
         };
-        let mut rest = tangential(at.residual.iter().map(|r| -*r).collect());
-        let mut d = vec![DVec3::ZERO; rest.len()];
+        let mut rest: Vec<f64> = at.residual.iter().map(|r| -r).collect();
+        tangential(&mut rest);
+        let mut d = vec![0.0; rest.len()];
         let mut p = rest.clone();
         let mut square = dot(&rest, &rest);
         // Superlinear: the nearer the end, the more exact.
-        let relative = (square / dot(&at.y, &at.y)).sqrt();
+        let relative = (square / dot(&at.z, &at.z)).sqrt();
         let enough = square * relative.clamp(1e-12, 0.01);
         for inner in 0..INNER_STEPS {
             if square == 0.0 {
@@ -181,11 +283,7 @@ impl Search<'_> {
     }
 }
 
-fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
-}
-
-/// a += factor · b
-fn add(a: &mut [DVec3], factor: f64, b: &[DVec3]) {
-    a.iter_mut().zip(b).for_each(|(a, b)| *a += factor * *b);
+/// The largest coordinate.
+fn largest(vectors: &[DVec3]) -> f64 {
+    vectors.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max)
 }

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use crate::binding::{Binding, displaced, translated};
 use crate::bspline::{Basis, BasisError};
-use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Reason, Status, correct};
+use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Reason, Status, Wanted, correct};
 use crate::edit::EditError;
 use crate::health::{Health, Source};
 use crate::job::{
@@ -330,12 +330,12 @@ impl Job {
             let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
             mobility.iter_mut().for_each(|m| *m *= coordinates);
             let points_to_meet = self.points(&binding, &points, origin)?;
-            let options = CorrectOptions { method, mobility: Some(mobility), points: points_to_meet };
+            let options = CorrectOptions { method, mobility: Some(mobility), energy: None };
             let posed_volumes = body.solid.volumes(&points);
             let target = target_volume(&self.preserve.volume, &body, &posed_volumes)?;
             let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
-            let corrected = correct(&pose, target * body.orientation, &options)
-                .map_err(|error| error.oriented(body.orientation))?;
+            let wanted = Wanted { points: points_to_meet, ..Wanted::volume(target * body.orientation) };
+            let corrected = correct(&pose, &wanted, &options).map_err(|error| error.oriented(body.orientation))?;
             if let (Status::NotNearest, Some(residual)) = (corrected.status, corrected.residual) {
                 return Err(JobError::NotConverged { residual, limit: tolerances::KKT_ENOUGH });
             }

@@ -2,8 +2,8 @@
 //!
 //! A point that follows the controls with the weights w (a vertex: its row of W) and stands at S is to come to T. Along one
 //! direction that is one linear condition on the displacement δ per point, `w · δ = (T − S)·d`: HB (20) for one point. The
-//! smallest displacement that meets several, `δ = M Aᵀ (A M Aᵀ)⁻¹ b` with the rows A, is found from an orthonormal basis of the rows
-//! √m ∘ w: what remains free for the volume is what is orthogonal to them.
+//! smallest displacement that meets several is found from an orthonormal basis of the rows `Rᵀ w` ([`crate::rows`]): what remains free
+//! for the volume is what is orthogonal to them.
 //!
 //! # Changes versus the paper
 //!
@@ -12,7 +12,8 @@
 
 use glam::DVec3;
 
-use crate::tolerances;
+use crate::metric::{AxisMetric, Metric};
+use crate::rows::{Missed, Rows};
 
 /// A point that must come to a place.
 #[derive(Clone, Debug, PartialEq)]
@@ -26,134 +27,55 @@ pub struct PointTarget {
     pub target: DVec3,
 }
 
-/// A point that cannot come to its place.
-#[derive(Clone, Copy, Debug, PartialEq)]
-pub(crate) struct Missed {
-    /// Its index in the list.
-    pub(crate) point: usize,
-    /// By how far it would miss.
-    pub(crate) by: f64,
-}
-
-/// The rows √m ∘ w of all points for displacements along one direction, orthonormalised in order (Gram–Schmidt, twice).
-#[derive(Clone, Debug)]
-pub(crate) struct Rows {
-    /// √m along the direction (#controls).
-    roots: Vec<f64>,
-    /// Orthonormal rows (#independent points × #controls).
-    basis: Vec<Vec<f64>>,
-    /// For each point the components of its row on the basis so far; an independent row ends with its own.
-    components: Vec<Vec<f64>>,
-    /// Whether a point's row brought a new basis row.
-    is_independent: Vec<bool>,
-}
-
-impl Rows {
-    /// The rows of `points` for controls of mobility m, given `roots` = √m (#controls).
-    pub(crate) fn new(points: &[PointTarget], roots: Vec<f64>) -> Self {
-        let mut rows = Self { roots, basis: Vec::new(), components: Vec::new(), is_independent: Vec::new() };
-        for point in points {
-            let mut row = vec![0.0; rows.roots.len()];
-            for &(control, weight) in &point.weights {
-                row[control] += weight * rows.roots[control];
-            }
-            let whole = norm(&row);
-            let mut components = vec![0.0; rows.basis.len()];
-            for _ in 0..2 {
-                for (component, q) in components.iter_mut().zip(&rows.basis) {
-                    let part = dot(&row, q);
-                    *component += part;
-                    row.iter_mut().zip(q).for_each(|(x, q)| *x -= part * q);
-                }
-            }
-            let rest = norm(&row);
-            let is_independent = rest > tolerances::DEPENDENT_ROW * whole;
-            if is_independent {
-                row.iter_mut().for_each(|x| *x /= rest);
-                components.push(rest);
-                rows.basis.push(row);
-            }
-            rows.components.push(components);
-            rows.is_independent.push(is_independent);
+/// The rows `Rᵀ w` of `points` for displacements along one direction.
+pub(crate) fn point_rows(points: &[PointTarget], controls: usize, metric: &AxisMetric) -> Rows {
+    let mut rows = Rows::default();
+    for point in points {
+        let mut row = vec![0.0; controls];
+        for &(control, weight) in &point.weights {
+            row[control] += weight;
         }
-        rows
+        rows.push(metric.pulled(&row), 0.0);
     }
-
-    /// The smallest y = δ/√m (#controls) that moves the points by `moves` (#points), or the point that misses most, if by more
-    /// than `tolerance`.
-    pub(crate) fn least(&self, moves: &[f64], tolerance: f64) -> Result<Vec<f64>, Missed> {
-        let mut coefficients: Vec<f64> = Vec::with_capacity(self.basis.len());
-        let mut worst = Missed { point: 0, by: 0.0 };
-        for (point, (components, wanted)) in self.components.iter().zip(moves).enumerate() {
-            let met: f64 = components.iter().zip(&coefficients).map(|(a, b)| a * b).sum();
-            if self.is_independent[point] {
-                coefficients.push((wanted - met) / components[components.len() - 1]);
-            } else if (wanted - met).abs() > worst.by {
-                worst = Missed { point, by: (wanted - met).abs() };
-            }
-        }
-        if worst.by > tolerance {
-            return Err(worst);
-        }
-        let mut y = vec![0.0; self.roots.len()];
-        for (coefficient, q) in coefficients.iter().zip(&self.basis) {
-            y.iter_mut().zip(q).for_each(|(y, q)| *y += coefficient * q);
-        }
-        Ok(y)
-    }
-
-    /// Takes away from `v` (#controls) what would move a point.
-    pub(crate) fn project(&self, v: &mut [f64]) {
-        for _ in 0..2 {
-            for q in &self.basis {
-                let part = dot(v, q);
-                v.iter_mut().zip(q).for_each(|(v, q)| *v -= part * q);
-            }
-        }
-    }
-
-    /// √m (#controls).
-    pub(crate) fn roots(&self) -> &[f64] {
-        &self.roots
-    }
-}
-
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    a.iter().zip(b).map(|(a, b)| a * b).sum()
-}
-
-fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
+    rows
 }
 
 /// The rows for all three coordinates.
 #[derive(Clone, Debug)]
-pub(crate) struct CoordinateRows([Rows; 3]);
+pub(crate) struct PointRows([Rows; 3]);
 
-impl CoordinateRows {
-    /// Of `points` for controls of mobility `roots`² per coordinate (#controls × 3).
-    pub(crate) fn new(points: &[PointTarget], roots: &[DVec3]) -> Self {
-        Self([0, 1, 2].map(|a| Rows::new(points, roots.iter().map(|s| s[a]).collect())))
+impl PointRows {
+    /// Of `points` in `metric`.
+    pub(crate) fn new(points: &[PointTarget], metric: &Metric) -> Self {
+        Self([0, 1, 2].map(|a| point_rows(points, metric.unknowns() / 3, metric.along(a))))
     }
 
-    /// The smallest displacement δ (#controls × 3) that moves the points by `moves` (#points).
-    pub(crate) fn least(&self, moves: &[DVec3], tolerance: f64) -> Result<Vec<DVec3>, Missed> {
-        let mut displacement = vec![DVec3::ZERO; self.0[0].roots.len()];
+    /// The smallest z (#unknowns) that moves the points by `moves` (#points), or the point that misses most, if by more than
+    /// `tolerance`.
+    pub(crate) fn least(&self, unknowns: usize, moves: &[DVec3], tolerance: f64) -> Result<Vec<f64>, Missed> {
+        let mut z = Vec::with_capacity(unknowns);
         for (a, rows) in self.0.iter().enumerate() {
-            let y = rows.least(&moves.iter().map(|m| m[a]).collect::<Vec<_>>(), tolerance)?;
-            for ((d, y), root) in displacement.iter_mut().zip(y).zip(rows.roots()) {
-                d[a] = y * root;
+            let (part, missed) = rows.least(unknowns / 3, &moves.iter().map(|m| m[a]).collect::<Vec<_>>());
+            match missed {
+                Some(missed) if missed.by > tolerance => return Err(missed),
+                _ => z.extend(part),
             }
         }
-        Ok(displacement)
+        Ok(z)
     }
 
-    /// Takes away from y = δ/√m (#controls × 3) what would move a point.
-    pub(crate) fn project(&self, y: &mut [DVec3]) {
-        for (a, rows) in self.0.iter().enumerate() {
-            let mut along: Vec<f64> = y.iter().map(|y| y[a]).collect();
-            rows.project(&mut along);
-            y.iter_mut().zip(along).for_each(|(y, x)| y[a] = x);
+    /// Takes away from z (#unknowns) what would move a point.
+    pub(crate) fn project(&self, z: &mut [f64]) {
+        let controls = z.len() / 3;
+        for (rows, along) in self.0.iter().zip(z.chunks_mut(controls)) {
+            rows.project(along);
         }
+    }
+
+    /// ν (#points) with `Aᵀ ν` nearest to z (#unknowns), A the rows.
+    pub(crate) fn multipliers(&self, z: &[f64]) -> Vec<DVec3> {
+        let controls = z.len() / 3;
+        let [x, y, z] = [0, 1, 2].map(|a| self.0[a].multipliers(&z[a * controls..(a + 1) * controls]));
+        (0..x.len()).map(|k| DVec3::new(x[k], y[k], z[k])).collect()
     }
 }

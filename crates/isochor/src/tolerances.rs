@@ -41,6 +41,10 @@ pub const KKT: f64 = 1e-12;
 /// gradients are rounded, fail.
 pub const KKT_ENOUGH: f64 = 1e-10;
 
+/// What is added to the diagonal of an energy, whose mean diagonal is 1. Larger: the smallest displacement is that of the controls rather
+/// than of the energy; smaller: what the energy does not feel moves far for little.
+pub const ENERGY_FLOOR: f64 = 1e-6;
+
 /// A lattice frame whose volume is below this fraction of the product of its edge lengths is degenerate. Larger: strongly
 /// sheared frames are refused; smaller: parameters lose all their digits.
 pub const FLAT_FRAME: f64 = 1e-9;

@@ -287,9 +287,40 @@ impl Solid {
         })
     }
 
+    /// `Σ_c weights[c] ∂V_c/∂P` (#vertices × 3) at the pose `points`, for one weight per component.
+    pub(crate) fn weighted_gradient(&self, points: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
+        let points = self.near_with_apexes(points);
+        self.gathered_weighted(weights, |t| doubled_area_vector(t, &points))
+    }
+
+    /// `Σ_c weights[c] ∇²V_c q` (#vertices × 3): [`Solid::volume_gradient_change`] for one weight per component.
+    pub(crate) fn weighted_gradient_change(&self, points: &[DVec3], q: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
+        let (points, q) = (self.near_with_apexes(points), self.near_with_apexes(q));
+        self.gathered_weighted(weights, |[a, b, c]| {
+            let edges = |x: &[DVec3]| (x[b as usize] - x[a as usize], x[c as usize] - x[a as usize]);
+            let ((pb, pc), (qb, qc)) = (edges(&points), edges(&q));
+            qb.cross(pc) + pb.cross(qc)
+        })
+    }
+
+    fn gathered_weighted(&self, weights: &[f64], of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync) -> Vec<DVec3> {
+        let mut weight_of = vec![0.0; self.triangles.len()];
+        for (range, weight) in self.components.iter().zip(weights) {
+            weight_of[range.clone()].fill(*weight);
+        }
+        self.gathered_indexed(|t| match weight_of[t] {
+            0.0 => DVec3::ZERO,
+            weight => weight * of_triangle(self.triangles[t]),
+        })
+    }
+
     /// A sixth of the sum over the triangles at each vertex (#vertices × 3); what belongs to apexes goes back to their members.
     fn gathered(&self, of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync) -> Vec<DVec3> {
-        let vectors = parallel::collect(self.triangles.len(), |t| of_triangle(self.triangles[t]));
+        self.gathered_indexed(|t| of_triangle(self.triangles[t]))
+    }
+
+    fn gathered_indexed(&self, of_triangle: impl Fn(usize) -> DVec3 + Send + Sync) -> Vec<DVec3> {
+        let vectors = parallel::collect(self.triangles.len(), of_triangle);
         let sixth = |v: usize| {
             let incident = &self.incident[self.incident_starts[v] as usize..self.incident_starts[v + 1] as usize];
             incident.iter().map(|&t| vectors[t as usize]).sum::<DVec3>() / 6.0
@@ -323,6 +354,32 @@ impl Solid {
     pub fn encloses_nothing(&self, points: &[DVec3], volume: f64) -> bool {
         let extent = Bounds::of(points).map_or(0.0, |b| b.extent());
         volume.abs() <= tolerances::NO_VOLUME * self.area(points) * extent
+    }
+
+    /// The body over `clusters` of vertices, for the cluster of each vertex (#vertices): triangles that collapse are dropped.
+    pub(crate) fn clustered(&self, cluster_of: &[u32], clusters: usize) -> Self {
+        let renamed = |v: u32| match cluster_of.get(v as usize) {
+            Some(cluster) => *cluster,
+            None => (clusters + (v as usize - self.vertices)) as u32, // an apex
+        };
+        let mut triangles = Vec::new();
+        let mut components = Vec::with_capacity(self.components.len());
+        for range in &self.components {
+            let start = triangles.len();
+            let renamed = self.triangles[range.clone()].iter().map(|t| t.map(renamed));
+            triangles.extend(renamed.filter(|[a, b, c]| a != b && b != c && c != a));
+            components.push(start..triangles.len());
+        }
+        let members = |cap: &Cap| {
+            let mut members: Vec<u32> = cap.members.iter().map(|v| cluster_of[*v as usize]).collect();
+            members.sort_unstable();
+            members.dedup();
+            Cap { members }
+        };
+        let caps: Vec<Cap> = self.caps.iter().map(members).collect();
+        let (incident_starts, incident) = incidence(&triangles, clusters + caps.len());
+        let has_twin = vec![false; clusters];
+        Self { vertices: clusters, triangles, components, caps, incident_starts, incident, twins: Vec::new(), has_twin }
     }
 
     /// The points relative to an origin near them, which does not round, followed by the apexes of the caps.

@@ -8,7 +8,7 @@ use glam::{DMat3, DQuat, DVec3};
 use isochor::shapes::{bottle, cube, icosphere, plate};
 use isochor::{
     Basis, Binding, Bounds, CorrectError, CorrectOptions, Correction, Frame, Lattice, Mesh, Method, OpenBoundaries,
-    Outside, Pose, Reason, Solid, Status, correct, displaced, tolerances, topology,
+    Outside, Pose, Reason, Solid, Status, Wanted, correct, displaced, tolerances, topology,
 };
 use proptest::prelude::*;
 use random::Random;
@@ -97,7 +97,7 @@ impl Posed {
 
     fn correct(&self, target: f64, method: Method, mobility: Option<&[DVec3]>) -> Result<Correction, CorrectError> {
         let options = CorrectOptions { method, mobility: mobility.map(<[DVec3]>::to_vec), ..CorrectOptions::default() };
-        correct(&self.pose(), target, &options)
+        correct(&self.pose(), &Wanted::volume(target), &options)
     }
 
     /// A correction that is possible, with everything checked that must hold of any.
@@ -228,7 +228,7 @@ proptest! {
             for method in [Method::Gradient, Method::xyz(), random.axes()] {
                 let options = CorrectOptions { method: method.clone(), mobility: None, ..CorrectOptions::default() };
                 let pose = Pose { vertices: &far, ..posed.pose() };
-                let corrected = correct(&pose, target, &options).unwrap();
+                let corrected = correct(&pose, &Wanted::volume(target), &options).unwrap();
                 prop_assert!(corrected.relative_error <= PROMISED);
                 let vertices = displaced(&posed.vertices, &posed.binding.apply(&corrected.displacement));
                 let measured = posed.solid.volume(&vertices);
@@ -833,9 +833,9 @@ fn arrays_of_other_lengths_are_refused_by_name() {
     };
     let options = CorrectOptions::default();
     let fewer = Pose { vertices: &posed.vertices[1..], ..posed.pose() };
-    length(correct(&fewer, 1.0, &options), "posed vertices", (n - 1, n));
+    length(correct(&fewer, &Wanted::volume(1.0), &options), "posed vertices", (n - 1, n));
     let other = posed.lattice.bind(&posed.vertices[2..], Outside::Extend).unwrap();
-    length(correct(&Pose { binding: &other, ..posed.pose() }, 1.0, &options), "binding", (n - 2, n));
+    length(correct(&Pose { binding: &other, ..posed.pose() }, &Wanted::volume(1.0), &options), "binding", (n - 2, n));
     length(posed.correct(1.0, Method::Gradient, Some(&[DVec3::ONE; 3])), "mobility", (3, controls));
     let method = Method::Axes { directions: vec![DVec3::X; 3], shares: Some(vec![1.0; 2]) };
     length(posed.correct(1.0, method, None), "shares", (2, 3));

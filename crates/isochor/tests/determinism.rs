@@ -3,8 +3,8 @@
 use glam::DVec3;
 use isochor::shapes::{icosphere, uv_torus};
 use isochor::{
-    Basis, CorrectOptions, Frame, Lattice, Mesh, Method, OpenBoundaries, Outside, Pose, Solid, correct, displaced,
-    topology,
+    Basis, CorrectOptions, Frame, Lattice, Mesh, Method, OpenBoundaries, Outside, Pose, Solid, Wanted, correct,
+    displaced, topology,
 };
 
 /// All that is computed in parallel, for one mesh: as bits.
@@ -45,7 +45,7 @@ fn everything(mesh: &Mesh) -> Vec<(&'static str, Vec<u64>)> {
     let pose = Pose { solid: &solid, vertices: &posed, binding: &binding };
     for (name, method) in [("gradient method", Method::Gradient), ("axes method", Method::xyz())] {
         let options = CorrectOptions { method, mobility: None, ..CorrectOptions::default() };
-        let corrected = correct(&pose, 1.1 * volumes.total, &options).unwrap();
+        let corrected = correct(&pose, &Wanted::volume(1.1 * volumes.total), &options).unwrap();
         let summary = [corrected.volume, corrected.volume_before, corrected.relative_error, corrected.steps as f64];
         all.push((name, [vectors(&corrected.displacement), vectors(&corrected.vertices), numbers(&summary)].concat()));
     }

@@ -241,7 +241,9 @@ fn an_inside_out_model_is_corrected_outwards_and_reported_positive() {
     }
     // Errors speak of outward volumes too.
     let refused = run(&inward, &format!("{EDITS}preserve = {{ pin = \"all\" }}")).unwrap_err();
-    let JobError::Correct(CorrectError::Impossible { target, volume, reason }) = &refused else { panic!("{refused}") };
+    let JobError::Correct(CorrectError::Impossible { target, volume, reason, .. }) = &refused else {
+        panic!("{refused}")
+    };
     assert!(*target > 0.0 && *volume > 0.0 && *reason == Reason::Pinned);
 }
 

@@ -6,7 +6,7 @@ use glam::{DMat3, DVec3};
 use isochor::shapes::{icosphere, plate, uv_torus};
 use isochor::{
     Basis, Binding, Bounds, CorrectOptions, Correction, Frame, Lattice, Mesh, Method, OpenBoundaries, Outside, Pose,
-    Solid, Status, correct, displaced, topology,
+    Solid, Status, Wanted, correct, displaced, topology,
 };
 use proptest::prelude::*;
 use random::Random;
@@ -49,7 +49,7 @@ impl Posed {
     fn correct(&self, target: f64, method: Method, mobility: Option<&[DVec3]>) -> Correction {
         let pose = Pose { solid: &self.solid, vertices: &self.vertices, binding: &self.binding };
         let options = CorrectOptions { method, mobility: mobility.map(<[DVec3]>::to_vec), ..CorrectOptions::default() };
-        let corrected = correct(&pose, target, &options).unwrap();
+        let corrected = correct(&pose, &Wanted::volume(target), &options).unwrap();
         assert!(corrected.relative_error <= 1e-13, "{:e}", corrected.relative_error);
         corrected
     }
@@ -189,7 +189,7 @@ proptest! {
             let vertices = displaced(&posed.vertices, &posed.binding.apply(&moved));
             let pose = Pose { solid: &posed.solid, vertices: &vertices, binding: &posed.binding };
             let options = CorrectOptions { method: Method::Gradient, mobility: None, ..CorrectOptions::default() };
-            let Ok(back) = correct(&pose, target, &options) else { continue };
+            let Ok(back) = correct(&pose, &Wanted::volume(target), &options) else { continue };
             let other: Vec<DVec3> = moved.iter().zip(&back.displacement).map(|(a, b)| *a + *b).collect();
             prop_assert!(cost(&other, &mobility) >= least * (1.0 - 1e-12), "size {size}");
         }
@@ -215,7 +215,7 @@ fn a_model_turned_inside_out_by_its_pose_is_brought_back() {
     assert!(posed.solid.volume(&posed.vertices) < 0.0);
     let pose = Pose { solid: &posed.solid, vertices: &posed.vertices, binding: &posed.binding };
     let options = CorrectOptions { method: Method::Gradient, mobility: None, ..CorrectOptions::default() };
-    assert!(correct(&pose, posed.rest_volume, &options).is_err());
+    assert!(correct(&pose, &Wanted::volume(posed.rest_volume), &options).is_err());
     posed.correct(posed.rest_volume, Method::Nearest, None);
 }
 
@@ -231,7 +231,7 @@ fn it_turns_scales_and_mirrors_with_the_model() {
         let binding = Lattice::new(bases, frame).unwrap().bind(&points, Outside::Refuse).unwrap();
         let vertices: Vec<DVec3> = mesh.points().iter().map(|p| map * twisted(80.0, 0.6)(*p)).collect();
         let pose = Pose { solid: &solid, vertices: &vertices, binding: &binding };
-        correct(&pose, solid.volume(&points), &CorrectOptions::default()).unwrap().displacement
+        correct(&pose, &Wanted::volume(solid.volume(&points)), &CorrectOptions::default()).unwrap().displacement
     };
     let plain = correction(DMat3::IDENTITY);
     let rotation = DMat3::from_axis_angle(DVec3::new(1.0, -2.0, 0.5).normalize(), 1.1);

@@ -6,7 +6,7 @@ use glam::DVec3;
 use isochor::shapes::icosphere;
 use isochor::{
     Basis, Binding, Bounds, CorrectError, CorrectOptions, Correction, Frame, Lattice, Mesh, Method, OpenBoundaries,
-    Outside, PointTarget, Pose, Reason, Solid, correct, displaced, topology,
+    Outside, PointTarget, Pose, Reason, Solid, Wanted, correct, displaced, topology,
 };
 use proptest::prelude::*;
 use random::Random;
@@ -48,7 +48,8 @@ impl Posed {
         points: Vec<PointTarget>,
     ) -> Result<Correction, CorrectError> {
         let pose = Pose { solid: &self.solid, vertices: &self.vertices, binding: &self.binding };
-        correct(&pose, change * self.rest_volume, &CorrectOptions { method, mobility, points })
+        let wanted = Wanted { points, ..Wanted::volume(change * self.rest_volume) };
+        correct(&pose, &wanted, &CorrectOptions { method, mobility, energy: None })
     }
 
     fn extent(&self) -> f64 {
@@ -116,8 +117,9 @@ proptest! {
             let pose = Pose { solid: &posed.solid, vertices: &vertices, binding: &posed.binding };
             let here = [3, 90].map(|v: usize| vertices[v]);
             let again = points.iter().zip(here).map(|(p, position)| PointTarget { position, ..p.clone() }).collect();
-            let options = CorrectOptions { method: Method::Gradient, mobility: None, points: again };
-            let Ok(back) = correct(&pose, change * posed.rest_volume, &options) else { continue };
+            let options = CorrectOptions { method: Method::Gradient, ..CorrectOptions::default() };
+            let wanted = Wanted { points: again, ..Wanted::volume(change * posed.rest_volume) };
+            let Ok(back) = correct(&pose, &wanted, &options) else { continue };
             let other: Vec<DVec3> = moved.iter().zip(&back.displacement).map(|(a, b)| *a + *b).collect();
             prop_assert!(cost(&other) >= least * (1.0 - 1e-12), "size {size}");
         }

@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::DVec3;
 use isochor::{
     Basis, Bounds, CorrectOptions, Faces, Frame, Lattice, Mesh, Method, OpenBoundaries, Outside, PointTarget, Pose,
-    Solid, correct, topology,
+    Solid, Wanted, correct, topology,
 };
 use serde_json::Value;
 
@@ -122,7 +122,8 @@ fn hahmanns_correction_agrees_with_an_independent_solver() {
         });
         let points = point.into_iter().collect();
         let target = number(&case["V_ref"]);
-        let corrected = correct(&pose, target, &CorrectOptions { method, mobility, points }).unwrap();
+        let wanted = Wanted { points, ..Wanted::volume(target) };
+        let corrected = correct(&pose, &wanted, &CorrectOptions { method, mobility, energy: None }).unwrap();
         assert!((corrected.volume_before - number(&case["V_before"])).abs() <= 1e-15);
         assert!(corrected.relative_error <= 1e-15, "{}", corrected.relative_error);
         let lattice_corrected: Vec<DVec3> = posed.iter().zip(&corrected.displacement).map(|(p, d)| *p + *d).collect();

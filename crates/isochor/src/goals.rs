@@ -1,0 +1,188 @@
+//! Wanted volumes: of the whole body, or of several of its parts at once.
+//!
+//! A goal is a signed volume for a set of components. Goals are linear in the components' volumes, so goals that follow from others
+//! (the whole and all of its parts) are found by elimination before anything moves: they agree, or they contradict.
+
+use glam::DVec3;
+
+use crate::tolerances;
+use crate::volume::{Solid, Volumes};
+
+/// A wanted signed volume of the whole body or of some of its components together.
+#[derive(Clone, Debug, PartialEq)]
+pub struct VolumeGoal {
+    /// Whose volume is meant: the sum over these.
+    pub components: Components,
+    /// The wanted volume, signed as [`Solid::volumes`] gives it: a cavity is negative in a body that is positive.
+    pub volume: f64,
+}
+
+/// Some of the components of a body.
+#[derive(Clone, Debug, Default, PartialEq, Eq)]
+pub enum Components {
+    /// All of them.
+    #[default]
+    All,
+    /// By index, in the order of [`crate::Volumes::components`].
+    These(Vec<usize>),
+}
+
+impl VolumeGoal {
+    /// The volume that is meant, of those of a pose.
+    ///
+    /// # Panics
+    ///
+    /// Panics where it names a component that does not exist.
+    #[must_use]
+    pub fn of(&self, volumes: &Volumes) -> f64 {
+        match &self.components {
+            Components::All => volumes.total,
+            Components::These(these) => these.iter().map(|c| volumes.components[*c]).sum(),
+        }
+    }
+}
+
+/// Why goals cannot be goals.
+#[derive(Clone, Debug, PartialEq)]
+pub(crate) enum GoalFault {
+    /// A component that does not exist.
+    Missing { goal: usize, component: usize },
+    /// A target to which no relative error exists.
+    Target { goal: usize },
+    /// No component at all, or one twice.
+    Components { goal: usize },
+    /// A goal that follows from others, which make it `follows`.
+    Contradiction { goal: usize, follows: f64 },
+}
+
+/// Goals that do not follow from one another.
+#[derive(Clone, Debug)]
+pub(crate) struct Goals {
+    /// Index in the request (#goals).
+    pub(crate) index: Vec<usize>,
+    /// Whether a component counts (#goals × #components).
+    members: Vec<Vec<bool>>,
+    /// The wanted volumes (#goals).
+    pub(crate) targets: Vec<f64>,
+}
+
+impl Goals {
+    pub(crate) fn new(wanted: &[VolumeGoal], component_count: usize) -> Result<Self, GoalFault> {
+        let mut goals = Self { index: Vec::new(), members: Vec::new(), targets: Vec::new() };
+        // Rows in echelon form: (pivot component, coefficients, wanted volume, its magnitude).
+        let mut echelon: Vec<(usize, Vec<f64>, f64, f64)> = Vec::new();
+        for (goal, VolumeGoal { components, volume }) in wanted.iter().enumerate() {
+            if !volume.is_finite() || *volume == 0.0 {
+                return Err(GoalFault::Target { goal });
+            }
+            let members = match components {
+                Components::All => vec![true; component_count],
+                Components::These(these) => {
+                    let mut members = vec![false; component_count];
+                    for &component in these {
+                        let member = members.get_mut(component).ok_or(GoalFault::Missing { goal, component })?;
+                        if std::mem::replace(member, true) {
+                            return Err(GoalFault::Components { goal });
+                        }
+                    }
+                    members
+                }
+            };
+            let mut row: Vec<f64> = members.iter().map(|member| f64::from(u8::from(*member))).collect();
+            let (mut left, mut magnitude) = (*volume, volume.abs());
+            for (pivot, other, other_volume, other_magnitude) in &echelon {
+                let factor = row[*pivot];
+                if factor != 0.0 {
+                    row.iter_mut().zip(other).for_each(|(x, y)| *x -= factor * y);
+                    left -= factor * other_volume;
+                    magnitude += factor.abs() * other_magnitude;
+                }
+            }
+            /// Coefficients are small fractions; what is smaller is rounding.
+            const ZERO: f64 = 1e-9;
+            match (0..component_count).find(|c| row[*c].abs() > ZERO) {
+                Some(pivot) => {
+                    let scale = row[pivot];
+                    row.iter_mut().for_each(|x| *x /= scale);
+                    echelon.push((pivot, row, left / scale, magnitude / scale.abs()));
+                    goals.index.push(goal);
+                    goals.members.push(members);
+                    goals.targets.push(*volume);
+                }
+                None if !members.contains(&true) => return Err(GoalFault::Components { goal }),
+                None if left.abs() > tolerances::VOLUME * magnitude => {
+                    return Err(GoalFault::Contradiction { goal, follows: volume - left });
+                }
+                None => {}
+            }
+        }
+        Ok(goals)
+    }
+
+    /// Number of goals.
+    pub(crate) fn len(&self) -> usize {
+        self.targets.len()
+    }
+
+    /// The goals' volumes (#goals), of those of a pose.
+    pub(crate) fn volumes(&self, volumes: &Volumes) -> Vec<f64> {
+        let sum = |members: &Vec<bool>| match members.iter().all(|member| *member) {
+            true => volumes.total,
+            false => volumes.components.iter().zip(members).filter(|(_, member)| **member).map(|(v, _)| v).sum(),
+        };
+        self.members.iter().map(sum).collect()
+    }
+
+    /// ∂V_goal/∂P (#vertices × 3) at a pose.
+    pub(crate) fn vertex_gradient(&self, goal: usize, solid: &Solid, points: &[DVec3]) -> Vec<DVec3> {
+        if self.members[goal].iter().all(|member| *member) {
+            return solid.volume_gradient(points);
+        }
+        let weights: Vec<f64> = self.members[goal].iter().map(|member| f64::from(u8::from(*member))).collect();
+        solid.weighted_gradient(points, &weights)
+    }
+
+    /// `Σ_goals factor · ∇²V_goal q` (#vertices × 3) at a pose along q (#vertices × 3), for one factor per goal.
+    pub(crate) fn gradient_change(&self, factors: &[f64], solid: &Solid, points: &[DVec3], q: &[DVec3]) -> Vec<DVec3> {
+        let weight = |component: usize| -> f64 {
+            self.members.iter().zip(factors).filter(|(members, _)| members[component]).map(|(_, factor)| factor).sum()
+        };
+        let weights: Vec<f64> = (0..solid.component_count()).map(weight).collect();
+        solid.weighted_gradient_change(points, q, &weights)
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn goal(components: &[usize], volume: f64) -> VolumeGoal {
+        VolumeGoal { components: Components::These(components.to_vec()), volume }
+    }
+
+    #[test]
+    fn goals_that_follow_from_others_are_left_out_or_contradict() {
+        let all = VolumeGoal { components: Components::All, volume: 6.0 };
+        let parts = [goal(&[0], 1.0), goal(&[1, 2], 5.0), all];
+        let goals = Goals::new(&parts, 3).unwrap();
+        assert_eq!((goals.len(), goals.index), (2, vec![0, 1]));
+        let contradicting = [goal(&[0, 1], 1.0), goal(&[1, 2], 5.0), goal(&[0], 3.0), goal(&[2], 8.0)];
+        let fault = Goals::new(&contradicting, 3).unwrap_err();
+        assert_eq!(fault, GoalFault::Contradiction { goal: 3, follows: 7.0 });
+    }
+
+    #[test]
+    fn faults_are_named() {
+        assert_eq!(Goals::new(&[goal(&[3], 1.0)], 3).unwrap_err(), GoalFault::Missing { goal: 0, component: 3 });
+        assert_eq!(Goals::new(&[goal(&[1], 1.0), goal(&[0], 0.0)], 3).unwrap_err(), GoalFault::Target { goal: 1 });
+        assert_eq!(Goals::new(&[goal(&[1, 1], 1.0)], 3).unwrap_err(), GoalFault::Components { goal: 0 });
+        assert_eq!(Goals::new(&[goal(&[], 1.0)], 3).unwrap_err(), GoalFault::Components { goal: 0 });
+    }
+
+    #[test]
+    fn volumes_are_sums_over_members() {
+        let goals = Goals::new(&[goal(&[2, 0], 1.0), VolumeGoal { components: Components::All, volume: 1.0 }], 3);
+        let volumes = Volumes { total: -1.0, components: vec![1.0, 2.0, -4.0] };
+        assert_eq!(goals.unwrap().volumes(&volumes), [-3.0, -1.0]);
+    }
+}
