@@ -8,7 +8,10 @@
 use std::path::PathBuf;
 
 use glam::{DMat3, DVec3};
-use isochor::{Basis, Bounds, CorrectOptions, Faces, Frame, Lattice, Mesh, Method, OpenBoundaries, Outside, Pose, Solid, Wanted, correct, displaced, topology};
+use isochor::{
+    Basis, Bounds, CorrectOptions, Faces, Frame, Lattice, Mesh, Method, OpenBoundaries, Outside, Pose, Solid, Wanted,
+    correct, displaced, topology,
+};
 use serde_json::Value;
 
 fn shared(path: &str) -> PathBuf {

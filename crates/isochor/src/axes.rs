@@ -79,8 +79,8 @@ pub(crate) enum Taken {
     Volumes {
         /// Index of the axis.
         axis: usize,
-        /// The vertices before.
-        vertices: Vec<DVec3>,
+        /// The state before.
+        before: State,
         /// α of each goal that took part, pulled into the metric: the conditions of the step.
         rows: Rows,
         /// The goals that took part.
@@ -165,9 +165,18 @@ pub(crate) fn corrected(
             surface = Surface::of(problem, &state);
             used.push(k);
             if let Some(trace) = &mut trace {
-                let (multipliers, vertices) = (rows.multipliers(&z), before.vertices);
+                let multipliers = rows.multipliers(&z);
                 let left = part.iter().map(|goal| left[*goal]).collect();
-                trace.push(Taken::Volumes { axis: k, vertices, rows, goals: part, left, delta, multipliers });
+                trace.push(Taken::Volumes { axis: k, before, rows, goals: part, left, delta, multipliers });
+            }
+        }
+    }
+    // Points that rounding left off, where energies are stiff in some directions.
+    if problem.point_error(&state) > f64::EPSILON {
+        let points = AxisPoints::of(problem, &state, axes)?;
+        for (k, axis) in axes.iter().enumerate() {
+            if let Some(delta) = points.delta(problem, &state, axis, k)? {
+                state = state.after(&step_of(problem, axis, &delta));
             }
         }
     }

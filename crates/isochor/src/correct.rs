@@ -34,6 +34,7 @@ use crate::mesh::Bounds;
 use crate::metric::{Factors, Metric};
 use crate::points::{PointRows, PointTarget};
 use crate::rows::{Missed, Rows};
+use crate::sensitivity::Sensitivity;
 use crate::tolerances;
 use crate::volume::{Solid, Volumes};
 use crate::{axes, gradient, nearest};
@@ -371,7 +372,8 @@ pub(crate) struct Solved<'a> {
     pub(crate) end: State,
     /// What the axes did, where that was asked for.
     pub(crate) trace: Vec<axes::Taken>,
-    residual: Option<f64>,
+    /// Of [`Method::Nearest`].
+    pub(crate) residual: Option<f64>,
     has_moved: bool,
 }
 
@@ -419,6 +421,21 @@ impl<'a> Corrector<'a> {
         Ok(self.solved(vertices, wanted, false)?.correction(vertices))
     }
 
+    /// Corrects the posed vertices (#vertices × 3) to what is wanted, and keeps what derivatives need.
+    ///
+    /// Where the method is `nearest` and its status is [`Status::NotNearest`], derivatives are not those of a minimiser.
+    ///
+    /// # Errors
+    ///
+    /// As [`correct`].
+    pub fn sensitivity<'b>(&'b self, vertices: &[DVec3], wanted: &'b Wanted) -> Result<Sensitivity<'b>, CorrectError> {
+        let axes = match &self.way {
+            Way::Axes(axes) => Some(&axes[..]),
+            Way::Nearest | Way::Gradient => None,
+        };
+        Ok(Sensitivity::new(self.solved(vertices, wanted, true)?, axes, vertices))
+    }
+
     /// Solves; `is_traced` makes all steps, those by nothing included, and keeps them.
     pub(crate) fn solved<'b>(
         &'b self,
@@ -459,6 +476,7 @@ impl<'a> Corrector<'a> {
             }
         };
         problem.check(&end)?;
+        let end = if is_met { problem.posed_state() } else { end };
         Ok(Solved { problem, start, end, trace, residual, has_moved: !is_met })
     }
 
@@ -526,26 +544,32 @@ fn length(what: &'static str, found: usize, expected: usize) -> Result<(), Corre
     }
 }
 
-impl Solved<'_> {
+impl<'a> Solved<'a> {
+    /// The problem, the states at the start and the end, what the axes did, and what is told of it.
+    pub(crate) fn into_parts(self, posed: &[DVec3]) -> (Problem<'a>, State, State, Vec<axes::Taken>, Correction) {
+        let correction = self.correction(posed);
+        (self.problem, self.start, self.end, self.trace, correction)
+    }
+
     /// What is told of it, for the pose `posed` as it was given.
-    pub(crate) fn correction(self, posed: &[DVec3]) -> Correction {
+    fn correction(&self, posed: &[DVec3]) -> Correction {
         let Self { problem, end, residual, has_moved, .. } = self;
         let status = match residual {
             _ if !has_moved => Status::AlreadyMet,
-            Some(residual) if residual > tolerances::KKT_ENOUGH => Status::NotNearest,
+            Some(residual) if *residual > tolerances::KKT_ENOUGH => Status::NotNearest,
             _ => Status::Exact,
         };
         Correction {
-            vertices: if has_moved { translated(&end.vertices, problem.origin) } else { posed.to_vec() },
+            vertices: if *has_moved { translated(&end.vertices, problem.origin) } else { posed.to_vec() },
             volume_before: problem.volumes.total,
             volume: end.volumes.total,
-            relative_error: problem.relative_error(&end),
-            point_error: problem.point_error(&end),
+            relative_error: problem.relative_error(end),
+            point_error: problem.point_error(end),
             status,
             steps: end.steps,
-            residual,
-            displacement: end.displacement,
-            component_volumes: end.volumes.components,
+            residual: *residual,
+            displacement: end.displacement.clone(),
+            component_volumes: end.volumes.components.clone(),
         }
     }
 }
@@ -680,7 +704,7 @@ impl<'a> Problem<'a> {
     }
 
     /// The largest miss of a point, in extents.
-    fn point_error(&self, state: &State) -> f64 {
+    pub(crate) fn point_error(&self, state: &State) -> f64 {
         self.moves(state).iter().map(|m| m.length()).fold(0.0, f64::max) / self.extent
     }
 
@@ -743,13 +767,46 @@ impl<'a> Problem<'a> {
         Ok(())
     }
 
-    /// `state` with the points brought to their targets by the smallest displacement.
-    fn with_points(&self, state: State) -> Result<State, CorrectError> {
+    /// Of numbers for each wanted volume those of the goals.
+    pub(crate) fn of_goals(&self, wanted: &[f64]) -> Vec<f64> {
+        assert_eq!(wanted.len(), self.wanted.volumes.len(), "one number for each wanted volume");
+        self.goals.index.iter().map(|index| wanted[*index]).collect()
+    }
+
+    /// Numbers of the goals as numbers for each wanted volume; 0 for those that follow from others.
+    pub(crate) fn to_wanted(&self, goals: &[f64]) -> Vec<f64> {
+        let mut wanted = vec![0.0; self.wanted.volumes.len()];
+        self.goals.index.iter().zip(goals).for_each(|(index, number)| wanted[*index] = *number);
+        wanted
+    }
+
+    /// The smallest z (#unknowns) that moves the points by `moves` (#points), as far as they do not depend on one another.
+    pub(crate) fn least_moves(&self, moves: &[DVec3]) -> Vec<f64> {
+        let unknowns = self.metric.unknowns();
+        let least = self.rows.as_ref().map(|rows| rows.least(unknowns, moves, f64::INFINITY));
+        least.map_or_else(|| vec![0.0; unknowns], |least| least.expect("a tolerance that all meet"))
+    }
+
+    /// The transpose of [`Problem::least_moves`] (#points).
+    pub(crate) fn move_multipliers(&self, z: &[f64]) -> Vec<DVec3> {
+        self.rows.as_ref().map_or_else(Vec::new, |rows| rows.multipliers(z))
+    }
+
+    /// `state` with the points brought to their targets by the smallest displacement, once more where rounding shows.
+    pub(crate) fn with_points(&self, mut state: State) -> Result<State, CorrectError> {
+        /// More: nothing left to gain; fewer: energies that are stiff in some directions leave points off by rounding.
+        const ROUNDS: usize = 3;
         let Some(rows) = &self.rows else { return Ok(state) };
-        let z = rows
-            .least(self.metric.unknowns(), &self.moves(&state), tolerances::POINT * self.extent)
-            .map_err(|Missed { row, by }| self.misses(&state, row, by))?;
-        Ok(self.measured(state.after(&self.step(&z))))
+        for _ in 0..ROUNDS {
+            if self.point_error(&state) <= f64::EPSILON {
+                break;
+            }
+            let z = rows
+                .least(self.metric.unknowns(), &self.moves(&state), tolerances::POINT * self.extent)
+                .map_err(|Missed { row, by }| self.misses(&state, row, by))?;
+            state = self.measured(state.after(&self.step(&z)));
+        }
+        Ok(state)
     }
 
     /// That a point contradicts others.

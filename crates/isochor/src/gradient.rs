@@ -25,6 +25,7 @@ pub(crate) fn corrected(problem: &Problem, state: State) -> Result<State, Correc
         1 => along_line(problem, &state)?,
         _ => along_all(problem, &state)?,
     };
+    let end = problem.with_points(end)?;
     Ok(problem.finished(end, |state, deficits, _| problem.least_step(state, deficits)))
 }
 

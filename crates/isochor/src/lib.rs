@@ -97,6 +97,7 @@ mod posed;
 mod report;
 mod rows;
 mod select;
+mod sensitivity;
 pub mod shapes;
 pub mod tolerances;
 mod topology;
@@ -125,6 +126,7 @@ pub use points::PointTarget;
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use report::{CorrectionReport, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
 pub use select::{ControlSpace, SelectError, Selector};
+pub use sensitivity::{Cause, Effect, Sensitivity};
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 

@@ -66,7 +66,8 @@ pub(crate) fn corrected(problem: &Problem, start: State) -> Result<(State, f64),
         None => search.minimum(search.first(start)?),
     };
     let residual = best.residual_norm;
-    let end = problem.finished(best.state, |state, deficits, _| problem.least_step(state, deficits));
+    let end =
+        problem.finished(problem.with_points(best.state)?, |state, deficits, _| problem.least_step(state, deficits));
     Ok((end, residual))
 }
 
