@@ -86,6 +86,7 @@ mod job_text;
 mod lattice;
 mod mesh;
 mod nearest;
+mod order;
 mod outcome;
 mod parallel;
 mod points;

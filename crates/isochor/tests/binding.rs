@@ -192,3 +192,36 @@ fn controls_of_another_number_are_refused() {
 fn vertices_of_another_number_are_refused() {
     let _ = unit_lattice(2).bind(&[DVec3::ZERO], Outside::Keep).unwrap().adjoint(&[DVec3::ZERO; 2]);
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_binding_in_the_order_of_cells_has_the_same_rows_and_products(seed: u64) {
+        let mut random = Random(seed);
+        let (lattice, outside, points) = (random.lattice(), random.outside(), random.vectors(300));
+        let binding = lattice.bind(&points, outside).unwrap();
+        let order = binding.cell_order();
+        let mut vertices = order.clone();
+        vertices.sort_unstable();
+        prop_assert_eq!(vertices, (0..300).collect::<Vec<_>>());
+        let permuted = binding.permuted(&order);
+        prop_assert_eq!((permuted.kept_count(), permuted.control_count()), (binding.kept_count(), binding.control_count()));
+        for (i, v) in order.iter().enumerate() {
+            prop_assert_eq!(permuted.weights(i), binding.weights(*v as usize));
+        }
+        // First controls ascend, and vertices of one cell keep their order.
+        let firsts: Vec<_> = order.iter().filter_map(|v| Some((binding.weights(*v as usize).first()?.0, *v))).collect();
+        prop_assert!(outside == Outside::Extend || firsts.is_sorted());
+        let (c, g) = (random.vectors(binding.control_count()), random.vectors(300));
+        let (whole, there) = (binding.apply(&c), permuted.apply(&c));
+        for (i, v) in order.iter().enumerate() {
+            prop_assert!((there[i] - whole[*v as usize]).abs().max_element() <= 1e-14 * (1.0 + whole[*v as usize].length()));
+        }
+        let permuted_g: Vec<_> = order.iter().map(|v| g[*v as usize]).collect();
+        let size: f64 = dense(&binding).iter().flatten().map(|w| w.abs()).sum();
+        for (a, b) in permuted.adjoint(&permuted_g).iter().zip(binding.adjoint(&g)) {
+            prop_assert!((*a - b).abs().max_element() <= 1e-15 * size);
+        }
+    }
+}
