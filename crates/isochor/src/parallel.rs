@@ -31,6 +31,13 @@ pub(crate) fn collect<T: Send>(len: usize, f: impl Fn(usize) -> T + Send + Sync)
     return (0..len).map(f).collect();
 }
 
+/// Makes `out` hold `len` items of any value, in its own memory where it holds as many already.
+pub(crate) fn resize<T: Copy + Default + Send>(out: &mut Vec<T>, len: usize) {
+    if out.len() != len {
+        *out = collect(len, |_| T::default());
+    }
+}
+
 /// Calls `f(first, part)` for every part of `out` of length `chunk`, with the index of its first item.
 pub(crate) fn for_each_chunk<T: Send>(out: &mut [T], chunk: usize, f: impl Fn(usize, &mut [T]) + Send + Sync) {
     #[cfg(feature = "rayon")]
