@@ -22,9 +22,11 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x8};
 use glam::DVec3;
 
-use crate::double::Double;
+use crate::double::{Double, Lanes, is_fused};
 use crate::mesh::{Bounds, Mesh, fan};
 use crate::order;
 use crate::parallel;
@@ -295,12 +297,13 @@ impl Solid {
                 range.clone().step_by(parallel::CHUNK).map(move |i| (c, i..range.end.min(i + parallel::CHUNK)))
             })
             .collect();
+        let level = Level::new();
         let parts = parallel::map(chunks.len(), |k| {
-            let mut sum = Double::default();
-            for t in &self.triangles[chunks[k].1.clone()] {
-                sum += determinant(t.map(|v| points[v as usize]));
-            }
-            sum
+            let triangles = &self.triangles[chunks[k].1.clone()];
+            dispatch!(level, simd => match is_fused(simd) {
+                true => determinants::<_, true>(simd, triangles, &points),
+                false => determinants::<_, false>(simd, triangles, &points),
+            })
         });
         let mut total = Double::default();
         let mut components = vec![Double::default(); self.components.len()];
@@ -331,7 +334,9 @@ impl Solid {
     /// Panics where the number of points is not the number of vertices.
     #[must_use]
     pub fn volume_gradient(&self, points: &[DVec3]) -> Vec<DVec3> {
-        self.gradient(points, None)
+        let mut gradient = Vec::new();
+        self.gradient_into(points, None, &mut gradient);
+        gradient
     }
 
     /// `Σ_c w_c ∂V_c/∂P` (#vertices × 3) at the pose `points`, with one weight per component, in the order of
@@ -342,12 +347,15 @@ impl Solid {
     /// Panics where the number of points is not the number of vertices, or that of weights not that of components.
     #[must_use]
     pub fn weighted_gradient(&self, points: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
-        self.gradient(points, Some(weights))
+        let mut gradient = Vec::new();
+        self.gradient_into(points, Some(weights), &mut gradient);
+        gradient
     }
 
-    fn gradient(&self, points: &[DVec3], weights: Option<&[f64]>) -> Vec<DVec3> {
+    /// [`Solid::weighted_gradient`] in the memory of `out`; without weights [`Solid::volume_gradient`].
+    pub(crate) fn gradient_into(&self, points: &[DVec3], weights: Option<&[f64]>, out: &mut Vec<DVec3>) {
         let points = self.near_with_apexes(points);
-        self.gathered(weights, |t| doubled_area_vector(t, &points))
+        self.gather(weights, out, |t| doubled_area_vector(t, &points));
     }
 
     /// The second derivative `∇²V · q` (#vertices × 3) at the pose `points` along the displacement `q` (both #vertices × 3): how
@@ -358,7 +366,9 @@ impl Solid {
     /// Panics where the number of points or displacements is not the number of vertices.
     #[must_use]
     pub fn volume_gradient_change(&self, points: &[DVec3], q: &[DVec3]) -> Vec<DVec3> {
-        self.gradient_change(points, q, None)
+        let mut change = Vec::new();
+        self.gradient_change_into(points, q, None, &mut change);
+        change
     }
 
     /// `Σ_c w_c ∇²V_c · q` (#vertices × 3): how [`Solid::weighted_gradient`] changes along `q`.
@@ -369,57 +379,71 @@ impl Solid {
     /// components.
     #[must_use]
     pub fn weighted_gradient_change(&self, points: &[DVec3], q: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
-        self.gradient_change(points, q, Some(weights))
+        let mut change = Vec::new();
+        self.gradient_change_into(points, q, Some(weights), &mut change);
+        change
     }
 
-    fn gradient_change(&self, points: &[DVec3], q: &[DVec3], weights: Option<&[f64]>) -> Vec<DVec3> {
+    /// [`Solid::weighted_gradient_change`] in the memory of `out`; without weights [`Solid::volume_gradient_change`].
+    pub(crate) fn gradient_change_into(
+        &self,
+        points: &[DVec3],
+        q: &[DVec3],
+        weights: Option<&[f64]>,
+        out: &mut Vec<DVec3>,
+    ) {
         let (points, q) = (self.near_with_apexes(points), self.near_with_apexes(q));
-        self.gathered(weights, |[a, b, c]| {
+        self.gather(weights, out, |[a, b, c]| {
             let edges = |x: &[DVec3]| (x[b as usize] - x[a as usize], x[c as usize] - x[a as usize]);
             let ((pb, pc), (qb, qc)) = (edges(&points), edges(&q));
             qb.cross(pc) + pb.cross(qc)
-        })
+        });
     }
 
     /// A sixth of the sum over the triangles at each vertex (#vertices × 3), each times the weight of its component; what belongs to
     /// apexes goes back to their members.
-    fn gathered(&self, weights: Option<&[f64]>, of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync) -> Vec<DVec3> {
+    fn gather<'a>(
+        &'a self,
+        weights: Option<&'a [f64]>,
+        sums: &mut Vec<DVec3>,
+        of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync,
+    ) {
         assert!(weights.is_none_or(|w| w.len() == self.components.len()), "one weight for each component of the solid");
         // Each of `list` (ascending) with its vector.
-        let for_each = |list: &[u32], f: &mut dyn FnMut([u32; 3], DVec3)| {
+        let of_triangle = &of_triangle;
+        let vectors = |list: &'a [u32]| {
             let (mut end, mut weight) = (0, 1.0);
-            for &t in list {
+            list.iter().map(move |&t| {
                 let t = t as usize;
                 if t >= end {
                     let component = self.components.partition_point(|range| range.end <= t);
                     end = self.components[component].end;
                     weight = weights.map_or(1.0, |w| w[component]);
                 }
-                f(self.triangles[t], of_triangle(self.triangles[t]) * weight);
-            }
+                (self.triangles[t], of_triangle(self.triangles[t]) * weight)
+            })
         };
-        let mut sums = vec![DVec3::ZERO; self.vertices];
-        parallel::for_each_chunk(&mut sums, PART, |first, sums| {
+        parallel::resize(sums, self.vertices);
+        parallel::for_each_chunk(sums, PART, |first, sums| {
+            sums.fill(DVec3::ZERO);
             let part = first / PART;
-            let list = &self.touching[self.part_starts[part] as usize..self.part_starts[part + 1] as usize];
-            for_each(list, &mut |triangle, vector| {
+            for (triangle, vector) in
+                vectors(&self.touching[self.part_starts[part] as usize..self.part_starts[part + 1] as usize])
+            {
                 for v in triangle {
                     if let Some(sum) = sums.get_mut((v as usize).wrapping_sub(first)) {
                         *sum += vector;
                     }
                 }
-            });
+            }
             sums.iter_mut().for_each(|sum| *sum /= 6.0);
         });
         for cap in &self.caps {
-            let mut sum = DVec3::ZERO;
-            for_each(&cap.fan, &mut |_, vector| sum += vector);
-            let share = sum / 6.0 / cap.members.len() as f64;
+            let share = vectors(&cap.fan).map(|(_, vector)| vector).sum::<DVec3>() / 6.0 / cap.members.len() as f64;
             for &v in &cap.members {
                 sums[v as usize] += share;
             }
         }
-        sums
     }
 
     /// Surface area of the pose `points` (#vertices × 3), caps included.
@@ -446,15 +470,17 @@ impl Solid {
     /// The points relative to an origin near them, which does not round, followed by the apexes of the caps.
     fn near_with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
         assert_eq!(points.len(), self.vertices, "one point for each vertex of the solid");
-        let origin = Bounds::of(points).map_or(DVec3::ZERO, |b| b.lossless_origin());
+        let boxes = parallel::map_chunks(points.len(), parallel::CHUNK, |range| Bounds::of(&points[range]));
+        let whole = boxes.into_iter().flatten().reduce(|a, b| Bounds { min: a.min.min(b.min), max: a.max.max(b.max) });
+        let origin = whole.map_or(DVec3::ZERO, |b| b.lossless_origin());
         if self.caps.is_empty() && origin == DVec3::ZERO {
             return Cow::Borrowed(points);
         }
-        let mut near = Vec::with_capacity(points.len() + self.caps.len());
-        near.extend(points.iter().map(|p| *p - origin));
-        for cap in &self.caps {
+        let near = |v: usize| points.get(v).map_or(DVec3::ZERO, |p| *p - origin);
+        let mut near = parallel::collect(points.len() + self.caps.len(), near);
+        for (c, cap) in self.caps.iter().enumerate() {
             let sum: DVec3 = cap.members.iter().map(|&v| near[v as usize]).sum();
-            near.push(sum / cap.members.len() as f64);
+            near[self.vertices + c] = sum / cap.members.len() as f64;
         }
         Cow::Owned(near)
     }
@@ -467,11 +493,43 @@ fn doubled_area_vector([a, b, c]: [u32; 3], points: &[DVec3]) -> DVec3 {
     (points[b as usize] - p).cross(points[c as usize] - p)
 }
 
-/// `det(a, b, c)` in doubled precision.
-#[inline]
-fn determinant([a, b, c]: [DVec3; 3]) -> Double {
-    let minor = |p: usize, q: usize| Double::product(b[p], c[q]) - Double::product(b[q], c[p]);
-    minor(1, 2) * a.x + minor(2, 0) * a.y + minor(0, 1) * a.z
+/// `Σ det(p_l, p_m, p_n)` in doubled precision.
+#[inline(always)]
+fn determinants<S: Simd, const FUSED: bool>(simd: S, triangles: &[[u32; 3]], points: &[DVec3]) -> Double {
+    /// Triangles whose coordinates are brought together at a time: few enough to stay near the processor.
+    const BATCH: usize = 64;
+    let mut sum = Lanes::zero(simd);
+    // Coordinate x of corner k of every triangle: `batch[3k + x]`.
+    let mut batch = [[0.0; BATCH]; 9];
+    for triangles in triangles.chunks(BATCH) {
+        if triangles.len() < BATCH {
+            batch = [[0.0; BATCH]; 9];
+        }
+        for (i, [l, m, n]) in triangles.iter().enumerate() {
+            let [l, m, n] = [points[*l as usize], points[*m as usize], points[*n as usize]];
+            batch[0][i] = l.x;
+            batch[1][i] = l.y;
+            batch[2][i] = l.z;
+            batch[3][i] = m.x;
+            batch[4][i] = m.y;
+            batch[5][i] = m.z;
+            batch[6][i] = n.x;
+            batch[7][i] = n.y;
+            batch[8][i] = n.z;
+        }
+        for first in (0..triangles.len()).step_by(8) {
+            let mut c = [f64x8::splat(simd, 0.0); 9];
+            for (c, batch) in c.iter_mut().zip(&batch) {
+                *c = f64x8::from_slice(simd, &batch[first..first + 8]);
+            }
+            for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
+                let minor =
+                    Lanes::product::<FUSED>(c[3 + y], c[6 + z]).minus(Lanes::product::<FUSED>(c[3 + z], c[6 + y]));
+                sum = sum.plus(minor.times::<FUSED>(c[x]));
+            }
+        }
+    }
+    sum.total()
 }
 
 /// One cap for each connected piece of the unbalanced edges, and its triangles, each with the face whose edge it closes.
