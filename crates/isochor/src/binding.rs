@@ -11,12 +11,19 @@
 //! instead of 64. (Weights of other deformers, stored in full, would become a second representation behind the same
 //! verbs.)
 //!
-//! Bits do not depend on the number of threads.
+//! Vertices that follow one another and the same controls are a *run*. Cubic rows have a fast path: the 4 × 4 × 4 controls of a run
+//! are brought together once, and products with them are taken 8 at a time. [`Binding::cell_order`] is the order with the longest
+//! runs.
+//!
+//! Bits do not depend on the number of threads. They may depend on the processor: where it has fused multiply-adds these are used.
 
-use std::ops::{AddAssign, Mul};
+use std::ops::{AddAssign, Mul, Range};
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x4, f64x8};
 use glam::DVec3;
 
+use crate::order;
 use crate::parallel;
 
 /// W (#vertices × #controls).
@@ -31,6 +38,43 @@ pub struct Binding {
     /// The three univariate rows of each vertex, one after the other.
     rows: Vec<f64>,
     kept: usize,
+}
+
+/// Numbers per vertex of three cubic rows.
+const CUBIC: usize = 12;
+
+/// The controls of a run with cubic rows, D coordinates of each: `block[2a + h][x]` has coordinate x of the controls (a, 2h, ·) and
+/// (a, 2h + 1, ·).
+type Block<S, const D: usize> = [[f64x8<S>; D]; 8];
+
+/// What there is one of per control or vertex: a number or a vector, of D coordinates.
+trait Entry<const D: usize>: Copy + Default + AddAssign + Mul<f64, Output = Self> + Send + Sync {
+    fn coordinates(self) -> [f64; D];
+    fn of(coordinates: [f64; D]) -> Self;
+}
+
+impl Entry<1> for f64 {
+    #[inline(always)]
+    fn coordinates(self) -> [f64; 1] {
+        [self]
+    }
+
+    #[inline(always)]
+    fn of([x]: [f64; 1]) -> Self {
+        x
+    }
+}
+
+impl Entry<3> for DVec3 {
+    #[inline(always)]
+    fn coordinates(self) -> [f64; 3] {
+        self.to_array()
+    }
+
+    #[inline(always)]
+    fn of(coordinates: [f64; 3]) -> Self {
+        Self::from_array(coordinates)
+    }
 }
 
 /// Most partial sums of an adjoint. More: better balance between many threads; fewer: less memory.
@@ -81,7 +125,27 @@ impl Binding {
     /// Panics where `c` does not have one entry per control.
     #[must_use]
     pub fn apply(&self, c: &[DVec3]) -> Vec<DVec3> {
-        self.product(c)
+        let mut product = Vec::new();
+        self.product(c, &mut product, |_, d| d);
+        product
+    }
+
+    /// `points + W c` (#vertices × 3) in one go: [`displaced`] by [`Binding::apply`], with the same bits.
+    ///
+    /// # Panics
+    ///
+    /// Panics where `points` does not have one entry per vertex or `c` one per control.
+    #[must_use]
+    pub fn displaced(&self, points: &[DVec3], c: &[DVec3]) -> Vec<DVec3> {
+        let mut displaced = Vec::new();
+        self.displace_into(points, c, &mut displaced);
+        displaced
+    }
+
+    /// [`Binding::displaced`] in the memory of `out`.
+    pub(crate) fn displace_into(&self, points: &[DVec3], c: &[DVec3], out: &mut Vec<DVec3>) {
+        assert_eq!(points.len(), self.vertex_count(), "one entry for each vertex");
+        self.product(c, out, |v, d| moved(points[v], d));
     }
 
     /// `W c` for one number per control (#controls), as where all controls move along one direction.
@@ -91,7 +155,9 @@ impl Binding {
     /// Panics where `c` does not have one entry per control.
     #[must_use]
     pub fn apply_scalar(&self, c: &[f64]) -> Vec<f64> {
-        self.product(c)
+        let mut product = Vec::new();
+        self.product(c, &mut product, |_, d| d);
+        product
     }
 
     /// `Wᵀ g`: from one vector per vertex (#vertices × 3) to one per control (#controls × 3).
@@ -192,33 +258,140 @@ impl Binding {
         }
     }
 
-    fn product<T>(&self, c: &[T]) -> Vec<T>
-    where
-        T: Copy + Default + AddAssign + Mul<f64, Output = T> + Send + Sync,
-    {
-        assert_eq!(c.len(), self.control_count(), "one entry for each control");
-        parallel::collect(self.vertex_count(), |v| {
-            let mut sum = T::default();
-            self.for_each_line(v, |first, w, along_w| {
-                let mut line = T::default();
-                for (x, c) in along_w.iter().zip(&c[first..first + along_w.len()]) {
-                    line += *c * *x;
-                }
-                sum += line * w;
-            });
-            sum
-        })
+    /// The vertices in ascending order of the first control they depend on, so that those that follow the same controls come one
+    /// after the other. Vertices of the same cell keep their order; kept vertices come with the first cell.
+    ///
+    /// A model in this order ([`Binding::permuted`], [`crate::Solid::permuted`]) is deformed and corrected faster.
+    #[must_use]
+    pub fn cell_order(&self) -> Vec<u32> {
+        let [_, nv, nw] = self.size;
+        let first = |v: usize| {
+            let [i, j, k] = self.starts[v].map(usize::from);
+            ((i * nv + j) * nw + k) as u32 // at most lattice::MAX_CONTROLS
+        };
+        order::ascending(&parallel::collect(self.vertex_count(), first), self.control_count())
     }
 
-    fn transposed_product<T>(&self, g: &[T]) -> Vec<T>
-    where
-        T: Copy + Default + AddAssign + Mul<f64, Output = T> + Send + Sync,
-    {
+    /// This binding with its vertices in another order: vertex i of the result is vertex `order[i]` of this one.
+    ///
+    /// # Panics
+    ///
+    /// Panics where an entry of `order` is not less than [`Binding::vertex_count`].
+    #[must_use]
+    pub fn permuted(&self, order: &[u32]) -> Self {
+        let stride = self.lengths.iter().sum::<usize>();
+        let mut starts = vec![[0; 3]; order.len()];
+        let mut rows = vec![0.0; order.len() * stride];
+        parallel::for_each_pair(&mut starts, &mut rows, stride, |i, start, row| {
+            let v = order[i] as usize;
+            *start = self.starts[v];
+            row.copy_from_slice(&self.rows[v * stride..(v + 1) * stride]);
+        });
+        Self { size: self.size, lengths: self.lengths, starts, rows, kept: self.kept }
+    }
+
+    fn is_cubic(&self) -> bool {
+        self.lengths == [4; 3]
+    }
+
+    /// `finish(v, (W c)_v)` for every vertex v.
+    fn product<T: Entry<D>, const D: usize>(
+        &self,
+        c: &[T],
+        out: &mut Vec<T>,
+        finish: impl Fn(usize, T) -> T + Sync + Send,
+    ) {
+        assert_eq!(c.len(), self.control_count(), "one entry for each control");
+        parallel::resize(out, self.vertex_count());
+        if self.is_cubic() {
+            let planes: [Vec<f64>; D] = std::array::from_fn(|x| c.iter().map(|c| c.coordinates()[x]).collect());
+            let level = Level::new();
+            parallel::for_each_chunk(out, parallel::CHUNK, |first, out| {
+                dispatch!(level, simd => self.cubic_product(simd, &planes, first, out, &finish));
+            });
+            return;
+        }
+        parallel::for_each_chunk(out, parallel::CHUNK, |first, out| {
+            for (v, out) in (first..).zip(out) {
+                let mut sum = T::default();
+                self.for_each_line(v, |first, w, along_w| {
+                    let mut line = T::default();
+                    for (x, c) in along_w.iter().zip(&c[first..first + along_w.len()]) {
+                        line += *c * *x;
+                    }
+                    sum += line * w;
+                });
+                *out = finish(v, sum);
+            }
+        });
+    }
+
+    #[inline(always)]
+    fn cubic_product<S: Simd, T: Entry<D>, const D: usize>(
+        &self,
+        simd: S,
+        planes: &[Vec<f64>; D],
+        first: usize,
+        out: &mut [T],
+        finish: impl Fn(usize, T) -> T,
+    ) {
+        let vertices = first..first + out.len();
+        let (rows, _) = self.rows[CUBIC * vertices.start..CUBIC * vertices.end].as_chunks::<CUBIC>();
+        let mut v = 0;
+        for run in self.starts[vertices].chunk_by(|a, b| a == b) {
+            let block = self.block(simd, planes, run[0]);
+            let end = v + run.len();
+            for (row, out) in rows[v..end].iter().zip(&mut out[v..end]) {
+                let (along_u, vw) = cubic_weights(simd, row);
+                let mut sums = [0.0; D];
+                for x in 0..D {
+                    let (mut low, mut high) = (block[0][x] * along_u[0], block[1][x] * along_u[0]);
+                    for a in 1..4 {
+                        low = block[2 * a][x].mul_add(along_u[a], low);
+                        high = block[2 * a + 1][x].mul_add(along_u[a], high);
+                    }
+                    let (low, high) = low.mul_add(vw[0], high * vw[1]).split();
+                    let (low, high) = (low + high).split();
+                    let sum = low + high;
+                    sums[x] = sum[0] + sum[1];
+                }
+                *out = finish(first + v, T::of(sums));
+                v += 1;
+            }
+        }
+    }
+
+    /// The places of the lines (a, 2h, ·) and (a, 2h + 1, ·) of the block that starts at `start`.
+    #[inline(always)]
+    fn line_pair(&self, start: [u16; 3], pair: usize) -> [usize; 2] {
+        let [i, j, k] = start.map(usize::from);
+        let first = ((i + pair / 2) * self.size[1] + j + 2 * (pair % 2)) * self.size[2] + k;
+        [first, first + self.size[2]]
+    }
+
+    #[inline(always)]
+    fn block<S: Simd, const D: usize>(&self, simd: S, planes: &[Vec<f64>; D], start: [u16; 3]) -> Block<S, D> {
+        let mut block = [[f64x8::splat(simd, 0.0); D]; 8];
+        for (pair, block) in block.iter_mut().enumerate() {
+            let [even, odd] = self.line_pair(start, pair);
+            for (plane, pair) in planes.iter().zip(block) {
+                let [even, odd] = [&plane[even..even + 4], &plane[odd..odd + 4]];
+                *pair = f64x4::from_slice(simd, even).combine(f64x4::from_slice(simd, odd));
+            }
+        }
+        block
+    }
+
+    fn transposed_product<T: Entry<D>, const D: usize>(&self, g: &[T]) -> Vec<T> {
         assert_eq!(g.len(), self.vertex_count(), "one entry for each vertex");
         let controls = self.control_count();
         // Partial sums over fixed parts of the vertices, each part at least as long as the sums themselves.
         let part = parallel::CHUNK.max(g.len().div_ceil(PARTS)).max(controls);
+        let level = Level::new();
         let sums = parallel::map_chunks(g.len(), part, |range| {
+            if self.is_cubic() {
+                return dispatch!(level, simd => self.cubic_transposed_product(simd, range, g));
+            }
             let mut sum = vec![T::default(); controls];
             for v in range {
                 self.for_each_line(v, |first, w, along_w| {
@@ -238,17 +411,95 @@ impl Binding {
         }
         total
     }
+
+    #[inline(always)]
+    fn cubic_transposed_product<S: Simd, T: Entry<D>, const D: usize>(
+        &self,
+        simd: S,
+        vertices: Range<usize>,
+        g: &[T],
+    ) -> Vec<T> {
+        let mut planes: [Vec<f64>; D] = std::array::from_fn(|_| vec![0.0; self.control_count()]);
+        let (rows, _) = self.rows[CUBIC * vertices.start..CUBIC * vertices.end].as_chunks::<CUBIC>();
+        let g = &g[vertices.clone()];
+        let mut v = 0;
+        for run in self.starts[vertices].chunk_by(|a, b| a == b) {
+            let end = v + run.len();
+            let mut block: Block<S, D> = [[f64x8::splat(simd, 0.0); D]; 8];
+            // Four vertices at a time: the block is read and written once for all of them.
+            let (row_groups, last_rows) = rows[v..end].as_chunks::<4>();
+            let (groups, last) = g[v..end].as_chunks::<4>();
+            for (rows, g) in row_groups.iter().zip(groups) {
+                add_outer_products(simd, &mut block, rows, g);
+            }
+            for (row, g) in last_rows.iter().zip(last) {
+                add_outer_products(simd, &mut block, &[*row], &[*g]);
+            }
+            for (pair, sums) in block.iter().enumerate() {
+                for (plane, sum) in planes.iter_mut().zip(sums) {
+                    let (even, odd) = sum.split();
+                    for (first, half) in self.line_pair(run[0], pair).into_iter().zip([even, odd]) {
+                        let line = &mut plane[first..first + 4];
+                        (f64x4::from_slice(simd, line) + half).store_slice(line);
+                    }
+                }
+            }
+            v = end;
+        }
+        (0..self.control_count()).map(|c| T::of(std::array::from_fn(|x| planes[x][c]))).collect()
+    }
+}
+
+/// The row along u, and the outer product of the rows along v and w: (2h, ·) and (2h + 1, ·) for h = 0, 1.
+#[inline(always)]
+fn cubic_weights<S: Simd>(simd: S, row: &[f64; CUBIC]) -> ([f64x8<S>; 4], [f64x8<S>; 2]) {
+    let mut along_u = [f64x8::splat(simd, row[0]); 4];
+    for a in 1..4 {
+        along_u[a] = f64x8::splat(simd, row[a]);
+    }
+    let along_w = f64x4::from_slice(simd, &row[8..12]);
+    let [low, high] = [along_w * row[4], along_w * row[6]];
+    (along_u, [low.combine(along_w * row[5]), high.combine(along_w * row[7])])
+}
+
+/// Adds `row ⊗ g` of N vertices to a block, one after the other.
+#[inline(always)]
+fn add_outer_products<S: Simd, T: Entry<D>, const D: usize, const N: usize>(
+    simd: S,
+    block: &mut Block<S, D>,
+    rows: &[[f64; CUBIC]; N],
+    g: &[T; N],
+) {
+    let mut weights = [cubic_weights(simd, &rows[0]); N];
+    for n in 1..N {
+        weights[n] = cubic_weights(simd, &rows[n]);
+    }
+    for x in 0..D {
+        for h in 0..2 {
+            let mut terms = [weights[0].1[h] * g[0].coordinates()[x]; N];
+            for n in 1..N {
+                terms[n] = weights[n].1[h] * g[n].coordinates()[x];
+            }
+            for a in 0..4 {
+                let mut sum = block[2 * a + h][x];
+                for n in 0..N {
+                    sum = terms[n].mul_add(weights[n].0[a], sum);
+                }
+                block[2 * a + h][x] = sum;
+            }
+        }
+    }
 }
 
 /// `points + displacement` (both #vertices × 3). Where nothing moves the point keeps its bits, the sign of a zero included.
 #[must_use]
 pub fn displaced(points: &[DVec3], displacement: &[DVec3]) -> Vec<DVec3> {
-    points.iter().zip(displacement).map(|(p, d)| moved(*p, *d)).collect()
+    parallel::collect(points.len().min(displacement.len()), |v| moved(points[v], displacement[v]))
 }
 
 /// `points + by`, in the same way.
 pub(crate) fn translated(points: &[DVec3], by: DVec3) -> Vec<DVec3> {
-    points.iter().map(|p| moved(*p, by)).collect()
+    parallel::collect(points.len(), |v| moved(points[v], by))
 }
 
 fn moved(p: DVec3, d: DVec3) -> DVec3 {

@@ -90,6 +90,7 @@ mod lattice;
 mod mesh;
 mod metric;
 mod nearest;
+mod order;
 mod outcome;
 mod parallel;
 mod points;

@@ -31,6 +31,21 @@ pub(crate) fn collect<T: Send>(len: usize, f: impl Fn(usize) -> T + Send + Sync)
     return (0..len).map(f).collect();
 }
 
+/// Makes `out` hold `len` items of any value, in its own memory where it holds as many already.
+pub(crate) fn resize<T: Copy + Default + Send>(out: &mut Vec<T>, len: usize) {
+    if out.len() != len {
+        *out = collect(len, |_| T::default());
+    }
+}
+
+/// Calls `f(first, part)` for every part of `out` of length `chunk`, with the index of its first item.
+pub(crate) fn for_each_chunk<T: Send>(out: &mut [T], chunk: usize, f: impl Fn(usize, &mut [T]) + Send + Sync) {
+    #[cfg(feature = "rayon")]
+    out.par_chunks_mut(chunk).enumerate().for_each(|(c, part)| f(c * chunk, part));
+    #[cfg(not(feature = "rayon"))]
+    out.chunks_mut(chunk).enumerate().for_each(|(c, part)| f(c * chunk, part));
+}
+
 /// Calls `f(i, &mut a[i], &mut b[i · stride..(i + 1) · stride])` for every i.
 pub(crate) fn for_each_pair<A: Send, B: Send>(
     a: &mut [A],

@@ -22,10 +22,13 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x8};
 use glam::DVec3;
 
-use crate::double::Double;
+use crate::double::{Double, Lanes, is_fused};
 use crate::mesh::{Bounds, Mesh, fan};
+use crate::order;
 use crate::parallel;
 use crate::tolerances;
 use crate::topology::{DisjointSets, Topology};
@@ -51,9 +54,9 @@ pub struct Solid {
     triangles: Vec<[u32; 3]>,
     components: Vec<Range<usize>>,
     caps: Vec<Cap>,
-    /// Triangles at vertex v: `incident[starts[v]..starts[v + 1]]`; apexes follow the vertices.
-    incident_starts: Vec<u32>,
-    incident: Vec<u32>,
+    /// Triangles that touch part b of the vertices, `PART · b ..`: `touching[part_starts[b]..part_starts[b + 1]]`, ascending.
+    part_starts: Vec<u32>,
+    touching: Vec<u32>,
     /// Pairs of vertices at one place at rest.
     twins: Vec<[u32; 2]>,
     /// Whether a vertex shares its place with another (#vertices).
@@ -63,9 +66,15 @@ pub struct Solid {
 /// A boundary that is closed virtually.
 #[derive(Clone, Debug)]
 struct Cap {
-    /// The vertices of the boundary, one for each place, ascending.
+    /// The vertices of the boundary, one for each place, in a fixed order.
     members: Vec<u32>,
+    /// The triangles of the fan, ascending. The apex comes last in each.
+    fan: Vec<u32>,
 }
+
+/// Vertices per part of a gradient. Larger: fewer triangles lie across the border of two parts, and are computed twice; smaller:
+/// better balance between threads.
+const PART: usize = parallel::CHUNK;
 
 /// Signed volumes of a pose, in the cube of its length unit: positive where faces are counter-clockwise seen from outside.
 #[derive(Clone, Debug, PartialEq)]
@@ -175,11 +184,68 @@ impl Solid {
         let components = ends.scan(0, |start, end| Some(std::mem::replace(start, end)..end)).collect();
         let triangles: Vec<[u32; 3]> = all.into_iter().map(|(_, t)| t).collect();
 
-        let (incident_starts, incident) = incidence(&triangles, vertices + caps.len());
         let twins: Vec<[u32; 2]> = (0..).zip(welded).filter(|(v, w)| v != *w).map(|(v, &w)| [w, v]).collect();
         let mut has_twin = vec![false; vertices];
         twins.iter().flatten().for_each(|v: &u32| has_twin[*v as usize] = true);
-        Ok(Self { vertices, triangles, components, caps, incident_starts, incident, twins, has_twin })
+        Ok(Self::indexed(Self {
+            vertices,
+            triangles,
+            components,
+            caps,
+            part_starts: Vec::new(),
+            touching: Vec::new(),
+            twins,
+            has_twin,
+        }))
+    }
+
+    /// Fills in what follows from the triangles: the fans of the caps and the triangles at each part of the vertices.
+    fn indexed(mut self) -> Self {
+        if !self.caps.is_empty() {
+            for (t, [_, _, apex]) in (0..).zip(&self.triangles) {
+                if let Some(cap) = (*apex as usize).checked_sub(self.vertices) {
+                    self.caps[cap].fan.push(t);
+                }
+            }
+        }
+        (self.part_starts, self.touching) = touching(&self.triangles, self.vertices);
+        self
+    }
+
+    /// This solid with its vertices in another order: vertex i of the result is vertex `order[i]` of this one. Within each component
+    /// the triangles follow the new order too, so that neighbours lie close together in memory.
+    ///
+    /// # Panics
+    ///
+    /// Panics where `order` is not a permutation of the vertices.
+    #[must_use]
+    pub fn permuted(&self, order: &[u32]) -> Self {
+        assert_eq!(order.len(), self.vertices, "one entry for each vertex of the solid");
+        let places = order::places(order);
+        let place = |v: u32| places.get(v as usize).copied().unwrap_or(v); // apexes stay
+        let moved = parallel::collect(self.triangles.len(), |t| self.triangles[t].map(place));
+        let least = parallel::collect(moved.len(), |t| moved[t].into_iter().min().unwrap_or_default());
+        let mut by_vertex = order::ascending(&least, self.vertices);
+        if self.components.len() > 1 {
+            let mut component = vec![0; moved.len()];
+            for (c, range) in (0..).zip(&self.components) {
+                component[range.clone()].fill(c);
+            }
+            let keys = parallel::collect(moved.len(), |i| component[by_vertex[i] as usize]);
+            let by_component = order::ascending(&keys, self.components.len());
+            by_vertex = parallel::collect(moved.len(), |i| by_vertex[by_component[i] as usize]);
+        }
+        let cap = |cap: &Cap| Cap { members: cap.members.iter().map(|&v| place(v)).collect(), fan: Vec::new() };
+        Self::indexed(Self {
+            vertices: self.vertices,
+            triangles: parallel::collect(moved.len(), |i| moved[by_vertex[i] as usize]),
+            components: self.components.clone(),
+            caps: self.caps.iter().map(cap).collect(),
+            part_starts: Vec::new(),
+            touching: Vec::new(),
+            twins: self.twins.iter().map(|pair| pair.map(place)).collect(),
+            has_twin: order.iter().map(|&v| self.has_twin[v as usize]).collect(),
+        })
     }
 
     /// Number of vertices that every pose must have.
@@ -231,12 +297,13 @@ impl Solid {
                 range.clone().step_by(parallel::CHUNK).map(move |i| (c, i..range.end.min(i + parallel::CHUNK)))
             })
             .collect();
+        let level = Level::new();
         let parts = parallel::map(chunks.len(), |k| {
-            let mut sum = Double::default();
-            for t in &self.triangles[chunks[k].1.clone()] {
-                sum += determinant(t.map(|v| points[v as usize]));
-            }
-            sum
+            let triangles = &self.triangles[chunks[k].1.clone()];
+            dispatch!(level, simd => match is_fused(simd) {
+                true => determinants::<_, true>(simd, triangles, &points),
+                false => determinants::<_, false>(simd, triangles, &points),
+            })
         });
         let mut total = Double::default();
         let mut components = vec![Double::default(); self.components.len()];
@@ -267,8 +334,28 @@ impl Solid {
     /// Panics where the number of points is not the number of vertices.
     #[must_use]
     pub fn volume_gradient(&self, points: &[DVec3]) -> Vec<DVec3> {
+        let mut gradient = Vec::new();
+        self.gradient_into(points, None, &mut gradient);
+        gradient
+    }
+
+    /// `Σ_c w_c ∂V_c/∂P` (#vertices × 3) at the pose `points`, with one weight per component, in the order of
+    /// [`Volumes::components`]. With all weights 1 it is [`Solid::volume_gradient`].
+    ///
+    /// # Panics
+    ///
+    /// Panics where the number of points is not the number of vertices, or that of weights not that of components.
+    #[must_use]
+    pub fn weighted_gradient(&self, points: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
+        let mut gradient = Vec::new();
+        self.gradient_into(points, Some(weights), &mut gradient);
+        gradient
+    }
+
+    /// [`Solid::weighted_gradient`] in the memory of `out`; without weights [`Solid::volume_gradient`].
+    pub(crate) fn gradient_into(&self, points: &[DVec3], weights: Option<&[f64]>, out: &mut Vec<DVec3>) {
         let points = self.near_with_apexes(points);
-        self.gathered(|t| doubled_area_vector(t, &points))
+        self.gather(weights, out, |t| doubled_area_vector(t, &points));
     }
 
     /// The second derivative `∇²V · q` (#vertices × 3) at the pose `points` along the displacement `q` (both #vertices × 3): how
@@ -279,60 +366,84 @@ impl Solid {
     /// Panics where the number of points or displacements is not the number of vertices.
     #[must_use]
     pub fn volume_gradient_change(&self, points: &[DVec3], q: &[DVec3]) -> Vec<DVec3> {
+        let mut change = Vec::new();
+        self.gradient_change_into(points, q, None, &mut change);
+        change
+    }
+
+    /// `Σ_c w_c ∇²V_c · q` (#vertices × 3): how [`Solid::weighted_gradient`] changes along `q`.
+    ///
+    /// # Panics
+    ///
+    /// Panics where the number of points or displacements is not the number of vertices, or that of weights not that of
+    /// components.
+    #[must_use]
+    pub fn weighted_gradient_change(&self, points: &[DVec3], q: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
+        let mut change = Vec::new();
+        self.gradient_change_into(points, q, Some(weights), &mut change);
+        change
+    }
+
+    /// [`Solid::weighted_gradient_change`] in the memory of `out`; without weights [`Solid::volume_gradient_change`].
+    pub(crate) fn gradient_change_into(
+        &self,
+        points: &[DVec3],
+        q: &[DVec3],
+        weights: Option<&[f64]>,
+        out: &mut Vec<DVec3>,
+    ) {
         let (points, q) = (self.near_with_apexes(points), self.near_with_apexes(q));
-        self.gathered(|[a, b, c]| {
+        self.gather(weights, out, |[a, b, c]| {
             let edges = |x: &[DVec3]| (x[b as usize] - x[a as usize], x[c as usize] - x[a as usize]);
             let ((pb, pc), (qb, qc)) = (edges(&points), edges(&q));
             qb.cross(pc) + pb.cross(qc)
-        })
+        });
     }
 
-    /// `Σ_c weights[c] ∂V_c/∂P` (#vertices × 3) at the pose `points`, for one weight per component.
-    pub(crate) fn weighted_gradient(&self, points: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
-        let points = self.near_with_apexes(points);
-        self.gathered_weighted(weights, |t| doubled_area_vector(t, &points))
-    }
-
-    /// `Σ_c weights[c] ∇²V_c q` (#vertices × 3): [`Solid::volume_gradient_change`] for one weight per component.
-    pub(crate) fn weighted_gradient_change(&self, points: &[DVec3], q: &[DVec3], weights: &[f64]) -> Vec<DVec3> {
-        let (points, q) = (self.near_with_apexes(points), self.near_with_apexes(q));
-        self.gathered_weighted(weights, |[a, b, c]| {
-            let edges = |x: &[DVec3]| (x[b as usize] - x[a as usize], x[c as usize] - x[a as usize]);
-            let ((pb, pc), (qb, qc)) = (edges(&points), edges(&q));
-            qb.cross(pc) + pb.cross(qc)
-        })
-    }
-
-    fn gathered_weighted(&self, weights: &[f64], of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync) -> Vec<DVec3> {
-        let mut weight_of = vec![0.0; self.triangles.len()];
-        for (range, weight) in self.components.iter().zip(weights) {
-            weight_of[range.clone()].fill(*weight);
-        }
-        self.gathered_indexed(|t| match weight_of[t] {
-            0.0 => DVec3::ZERO,
-            weight => weight * of_triangle(self.triangles[t]),
-        })
-    }
-
-    /// A sixth of the sum over the triangles at each vertex (#vertices × 3); what belongs to apexes goes back to their members.
-    fn gathered(&self, of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync) -> Vec<DVec3> {
-        self.gathered_indexed(|t| of_triangle(self.triangles[t]))
-    }
-
-    fn gathered_indexed(&self, of_triangle: impl Fn(usize) -> DVec3 + Send + Sync) -> Vec<DVec3> {
-        let vectors = parallel::collect(self.triangles.len(), of_triangle);
-        let sixth = |v: usize| {
-            let incident = &self.incident[self.incident_starts[v] as usize..self.incident_starts[v + 1] as usize];
-            incident.iter().map(|&t| vectors[t as usize]).sum::<DVec3>() / 6.0
+    /// A sixth of the sum over the triangles at each vertex (#vertices × 3), each times the weight of its component; what belongs to
+    /// apexes goes back to their members.
+    fn gather<'a>(
+        &'a self,
+        weights: Option<&'a [f64]>,
+        sums: &mut Vec<DVec3>,
+        of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync,
+    ) {
+        assert!(weights.is_none_or(|w| w.len() == self.components.len()), "one weight for each component of the solid");
+        // Each of `list` (ascending) with its vector.
+        let of_triangle = &of_triangle;
+        let vectors = |list: &'a [u32]| {
+            let (mut end, mut weight) = (0, 1.0);
+            list.iter().map(move |&t| {
+                let t = t as usize;
+                if t >= end {
+                    let component = self.components.partition_point(|range| range.end <= t);
+                    end = self.components[component].end;
+                    weight = weights.map_or(1.0, |w| w[component]);
+                }
+                (self.triangles[t], of_triangle(self.triangles[t]) * weight)
+            })
         };
-        let mut sums = parallel::collect(self.vertices, sixth);
-        for (c, cap) in self.caps.iter().enumerate() {
-            let share = sixth(self.vertices + c) / cap.members.len() as f64;
+        parallel::resize(sums, self.vertices);
+        parallel::for_each_chunk(sums, PART, |first, sums| {
+            sums.fill(DVec3::ZERO);
+            let part = first / PART;
+            for (triangle, vector) in
+                vectors(&self.touching[self.part_starts[part] as usize..self.part_starts[part + 1] as usize])
+            {
+                for v in triangle {
+                    if let Some(sum) = sums.get_mut((v as usize).wrapping_sub(first)) {
+                        *sum += vector;
+                    }
+                }
+            }
+            sums.iter_mut().for_each(|sum| *sum /= 6.0);
+        });
+        for cap in &self.caps {
+            let share = vectors(&cap.fan).map(|(_, vector)| vector).sum::<DVec3>() / 6.0 / cap.members.len() as f64;
             for &v in &cap.members {
                 sums[v as usize] += share;
             }
         }
-        sums
     }
 
     /// Surface area of the pose `points` (#vertices × 3), caps included.
@@ -374,26 +485,34 @@ impl Solid {
             let mut members: Vec<u32> = cap.members.iter().map(|v| cluster_of[*v as usize]).collect();
             members.sort_unstable();
             members.dedup();
-            Cap { members }
+            Cap { members, fan: Vec::new() }
         };
-        let caps: Vec<Cap> = self.caps.iter().map(members).collect();
-        let (incident_starts, incident) = incidence(&triangles, clusters + caps.len());
-        let has_twin = vec![false; clusters];
-        Self { vertices: clusters, triangles, components, caps, incident_starts, incident, twins: Vec::new(), has_twin }
+        Self::indexed(Self {
+            vertices: clusters,
+            triangles,
+            components,
+            caps: self.caps.iter().map(members).collect(),
+            part_starts: Vec::new(),
+            touching: Vec::new(),
+            twins: Vec::new(),
+            has_twin: vec![false; clusters],
+        })
     }
 
     /// The points relative to an origin near them, which does not round, followed by the apexes of the caps.
     fn near_with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
         assert_eq!(points.len(), self.vertices, "one point for each vertex of the solid");
-        let origin = Bounds::of(points).map_or(DVec3::ZERO, |b| b.lossless_origin());
+        let boxes = parallel::map_chunks(points.len(), parallel::CHUNK, |range| Bounds::of(&points[range]));
+        let whole = boxes.into_iter().flatten().reduce(|a, b| Bounds { min: a.min.min(b.min), max: a.max.max(b.max) });
+        let origin = whole.map_or(DVec3::ZERO, |b| b.lossless_origin());
         if self.caps.is_empty() && origin == DVec3::ZERO {
             return Cow::Borrowed(points);
         }
-        let mut near = Vec::with_capacity(points.len() + self.caps.len());
-        near.extend(points.iter().map(|p| *p - origin));
-        for cap in &self.caps {
+        let near = |v: usize| points.get(v).map_or(DVec3::ZERO, |p| *p - origin);
+        let mut near = parallel::collect(points.len() + self.caps.len(), near);
+        for (c, cap) in self.caps.iter().enumerate() {
             let sum: DVec3 = cap.members.iter().map(|&v| near[v as usize]).sum();
-            near.push(sum / cap.members.len() as f64);
+            near[self.vertices + c] = sum / cap.members.len() as f64;
         }
         Cow::Owned(near)
     }
@@ -406,11 +525,43 @@ fn doubled_area_vector([a, b, c]: [u32; 3], points: &[DVec3]) -> DVec3 {
     (points[b as usize] - p).cross(points[c as usize] - p)
 }
 
-/// `det(a, b, c)` in doubled precision.
-#[inline]
-fn determinant([a, b, c]: [DVec3; 3]) -> Double {
-    let minor = |p: usize, q: usize| Double::product(b[p], c[q]) - Double::product(b[q], c[p]);
-    minor(1, 2) * a.x + minor(2, 0) * a.y + minor(0, 1) * a.z
+/// `Σ det(p_l, p_m, p_n)` in doubled precision.
+#[inline(always)]
+fn determinants<S: Simd, const FUSED: bool>(simd: S, triangles: &[[u32; 3]], points: &[DVec3]) -> Double {
+    /// Triangles whose coordinates are brought together at a time: few enough to stay near the processor.
+    const BATCH: usize = 64;
+    let mut sum = Lanes::zero(simd);
+    // Coordinate x of corner k of every triangle: `batch[3k + x]`.
+    let mut batch = [[0.0; BATCH]; 9];
+    for triangles in triangles.chunks(BATCH) {
+        if triangles.len() < BATCH {
+            batch = [[0.0; BATCH]; 9];
+        }
+        for (i, [l, m, n]) in triangles.iter().enumerate() {
+            let [l, m, n] = [points[*l as usize], points[*m as usize], points[*n as usize]];
+            batch[0][i] = l.x;
+            batch[1][i] = l.y;
+            batch[2][i] = l.z;
+            batch[3][i] = m.x;
+            batch[4][i] = m.y;
+            batch[5][i] = m.z;
+            batch[6][i] = n.x;
+            batch[7][i] = n.y;
+            batch[8][i] = n.z;
+        }
+        for first in (0..triangles.len()).step_by(8) {
+            let mut c = [f64x8::splat(simd, 0.0); 9];
+            for (c, batch) in c.iter_mut().zip(&batch) {
+                *c = f64x8::from_slice(simd, &batch[first..first + 8]);
+            }
+            for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
+                let minor =
+                    Lanes::product::<FUSED>(c[3 + y], c[6 + z]).minus(Lanes::product::<FUSED>(c[3 + z], c[6 + y]));
+                sum = sum.plus(minor.times::<FUSED>(c[x]));
+            }
+        }
+    }
+    sum.total()
 }
 
 /// One cap for each connected piece of the unbalanced edges, and its triangles, each with the face whose edge it closes.
@@ -436,25 +587,33 @@ fn caps(topology: &Topology, vertices: usize) -> (Vec<Cap>, Vec<(u32, [u32; 3])>
             (edge.face, [edge.to, edge.from, (vertices + cap) as u32])
         })
         .collect();
-    (groups.iter().map(|group| Cap { members: group.iter().map(|m| m.1).collect() }).collect(), triangles)
+    let cap = |group: &&[(u32, u32)]| Cap { members: group.iter().map(|m| m.1).collect(), fan: Vec::new() };
+    (groups.iter().map(cap).collect(), triangles)
 }
 
-/// The triangles at each vertex, as starts and one list.
-fn incidence(triangles: &[[u32; 3]], vertices: usize) -> (Vec<u32>, Vec<u32>) {
-    let mut starts = vec![0u32; vertices + 1];
-    for &v in triangles.as_flattened() {
-        starts[v as usize + 1] += 1;
+/// The triangles that touch each part of the vertices, as starts and one list.
+fn touching(triangles: &[[u32; 3]], vertices: usize) -> (Vec<u32>, Vec<u32>) {
+    let parts = vertices.div_ceil(PART);
+    // The parts of a triangle's corners, each once; apexes have none.
+    let parts_of = |triangle: &[u32; 3]| {
+        let [a, b, c] = triangle.map(|v| v as usize / PART);
+        let c = if (triangle[2] as usize) < vertices { c } else { a };
+        [Some(a), (b != a).then_some(b), (c != a && c != b).then_some(c)].into_iter().flatten()
+    };
+    let mut starts = vec![0u32; parts + 1];
+    for part in triangles.iter().flat_map(parts_of) {
+        starts[part + 1] += 1;
     }
-    for v in 0..vertices {
-        starts[v + 1] += starts[v];
+    for part in 0..parts {
+        starts[part + 1] += starts[part];
     }
     let mut next = starts.clone();
-    let mut incident = vec![0; triangles.len() * 3];
+    let mut touching = vec![0; starts[parts] as usize];
     for (t, triangle) in (0..).zip(triangles) {
-        for &v in triangle {
-            incident[next[v as usize] as usize] = t;
-            next[v as usize] += 1;
+        for part in parts_of(triangle) {
+            touching[next[part] as usize] = t;
+            next[part] += 1;
         }
     }
-    (starts, incident)
+    (starts, touching)
 }

@@ -192,3 +192,114 @@ fn controls_of_another_number_are_refused() {
 fn vertices_of_another_number_are_refused() {
     let _ = unit_lattice(2).bind(&[DVec3::ZERO], Outside::Keep).unwrap().adjoint(&[DVec3::ZERO; 2]);
 }
+
+proptest! {
+    #![proptest_config(ProptestConfig { cases: 64, failure_persistence: None, ..ProptestConfig::default() })]
+
+    #[test]
+    fn a_binding_in_the_order_of_cells_has_the_same_rows_and_products(seed: u64) {
+        let mut random = Random(seed);
+        let (lattice, outside, points) = (random.lattice(), random.outside(), random.vectors(300));
+        let binding = lattice.bind(&points, outside).unwrap();
+        let order = binding.cell_order();
+        let mut vertices = order.clone();
+        vertices.sort_unstable();
+        prop_assert_eq!(vertices, (0..300).collect::<Vec<_>>());
+        let permuted = binding.permuted(&order);
+        prop_assert_eq!((permuted.kept_count(), permuted.control_count()), (binding.kept_count(), binding.control_count()));
+        for (i, v) in order.iter().enumerate() {
+            prop_assert_eq!(permuted.weights(i), binding.weights(*v as usize));
+        }
+        // First controls ascend, and vertices of one cell keep their order.
+        let firsts: Vec<_> = order.iter().filter_map(|v| Some((binding.weights(*v as usize).first()?.0, *v))).collect();
+        prop_assert!(outside == Outside::Extend || firsts.is_sorted());
+        let (c, g) = (random.vectors(binding.control_count()), random.vectors(300));
+        let (whole, there) = (binding.apply(&c), permuted.apply(&c));
+        for (i, v) in order.iter().enumerate() {
+            prop_assert!((there[i] - whole[*v as usize]).abs().max_element() <= 1e-14 * (1.0 + whole[*v as usize].length()));
+        }
+        let permuted_g: Vec<_> = order.iter().map(|v| g[*v as usize]).collect();
+        let size: f64 = dense(&binding).iter().flatten().map(|w| w.abs()).sum();
+        for (a, b) in permuted.adjoint(&permuted_g).iter().zip(binding.adjoint(&g)) {
+            prop_assert!((*a - b).abs().max_element() <= 1e-15 * size);
+        }
+    }
+}
+
+/// A lattice over the unit cube with basis functions of these degrees.
+fn of_degrees(degrees: [usize; 3]) -> Lattice {
+    let frame = Frame { origin: DVec3::ZERO, axes: [DVec3::X, DVec3::Y, DVec3::Z] };
+    let sizes = [7, 6, 8];
+    Lattice::new([0, 1, 2].map(|a| Basis::uniform(sizes[a], degrees[a]).unwrap()), frame).unwrap()
+}
+
+/// W c and Wᵀ g from the rows of W, with the sizes of the sums.
+fn products(binding: &Binding, c: &[DVec3], g: &[DVec3]) -> [Vec<(DVec3, f64)>; 2] {
+    let mut adjoint = vec![(DVec3::ZERO, 0.0); binding.control_count()];
+    let mut apply = vec![(DVec3::ZERO, 0.0); binding.vertex_count()];
+    for (v, sum) in apply.iter_mut().enumerate() {
+        for (control, w) in binding.weights(v) {
+            *sum = (sum.0 + c[control] * w, sum.1 + w.abs());
+            let sum = &mut adjoint[control];
+            *sum = (sum.0 + g[v] * w, sum.1 + w.abs());
+        }
+    }
+    [apply, adjoint]
+}
+
+fn assert_products(binding: &Binding, random: &mut Random) {
+    let (c, g) = (random.vectors(binding.control_count()), random.vectors(binding.vertex_count()));
+    let [apply, adjoint] = products(binding, &c, &g);
+    for (found, (expected, size)) in
+        binding.apply(&c).iter().zip(&apply).chain(binding.adjoint(&g).iter().zip(&adjoint))
+    {
+        assert!((*found - *expected).abs().max_element() <= 1e-14 * size, "{found} instead of {expected}");
+    }
+    // Points displaced in one go have the bits of two steps; numbers those of a column.
+    let points = random.vectors(binding.vertex_count());
+    assert_eq!(binding.displaced(&points, &c), displaced(&points, &binding.apply(&c)));
+    for a in 0..3 {
+        let column = |vectors: &[DVec3]| vectors.iter().map(|v| v[a]).collect::<Vec<_>>();
+        assert_eq!(binding.apply_scalar(&column(&c)), column(&binding.apply(&c)));
+        assert_eq!(binding.adjoint_scalar(&column(&g)), column(&binding.adjoint(&g)));
+    }
+}
+
+#[test]
+fn products_of_degrees_one_to_five_and_mixed_ones_are_those_with_the_rows() {
+    let mut random = Random(31);
+    let points: Vec<DVec3> = (0..700).map(|_| (random.vector() + 1.0) / 2.0).collect();
+    for degrees in [[1; 3], [2; 3], [3; 3], [4; 3], [5; 3], [1, 2, 3], [3, 3, 2], [3, 1, 3], [5, 3, 3], [4, 3, 5]] {
+        let binding = of_degrees(degrees).bind(&points, Outside::Refuse).unwrap();
+        assert_products(&binding, &mut random);
+        assert_products(&binding.permuted(&binding.cell_order()), &mut random);
+    }
+}
+
+#[test]
+fn products_over_runs_of_every_length_are_those_with_the_rows() {
+    // Runs of 1 to 9 vertices in two cells in turn: whole groups of four, rests, and lone vertices.
+    let mut random = Random(32);
+    let mut points = Vec::new();
+    for length in 1..10 {
+        for cell in [DVec3::splat(0.01), DVec3::splat(0.9)] {
+            points.extend((0..length).map(|_| cell + 0.01 * random.vector().abs()));
+        }
+    }
+    assert_products(&of_degrees([3; 3]).bind(&points, Outside::Refuse).unwrap(), &mut random);
+}
+
+#[test]
+fn products_with_kept_vertices_between_others_leave_them_out() {
+    let mut random = Random(33);
+    let points: Vec<DVec3> = (0..500).map(|_| (random.vector() + 0.6) / 1.2).collect();
+    let binding = of_degrees([3; 3]).bind(&points, Outside::Keep).unwrap();
+    assert!(binding.kept_count() > 100 && binding.kept_count() < 400);
+    assert_products(&binding, &mut random);
+    let ordered = binding.permuted(&binding.cell_order());
+    assert_products(&ordered, &mut random);
+    let c = random.vectors(ordered.control_count());
+    for (v, found) in ordered.apply(&c).iter().enumerate() {
+        assert_eq!(*found == DVec3::ZERO, ordered.weights(v).is_empty());
+    }
+}

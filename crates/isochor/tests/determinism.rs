@@ -42,6 +42,28 @@ fn everything(mesh: &Mesh) -> Vec<(&'static str, Vec<u64>)> {
         ("gradient", vectors(&gradient)),
         ("jacobians", jacobians.iter().flat_map(|j| j.to_cols_array()).map(f64::to_bits).collect()),
     ];
+    // Cubic rows and long runs: the fast path.
+    let cubic = Lattice::new([0; 3].map(|_| Basis::uniform(7, 3).unwrap()), frame).unwrap();
+    let cubic = cubic.bind(mesh.points(), Outside::Keep).unwrap();
+    let c: Vec<DVec3> = (0..cubic.control_count()).map(wave).collect();
+    let order = cubic.cell_order();
+    let (ordered, ordered_solid) = (cubic.permuted(&order), solid.permuted(&order));
+    let ordered_posed: Vec<DVec3> = order.iter().map(|v| posed[*v as usize]).collect();
+    let weights: Vec<f64> = volumes.components.iter().map(|v| 1.0 + v).collect();
+    let ordered_gradient = ordered_solid.weighted_gradient(&ordered_posed, &weights);
+    let change = ordered_solid.volume_gradient_change(&ordered_posed, &ordered.apply(&c));
+    all.extend([
+        ("cubic apply", vectors(&cubic.apply(&c))),
+        ("cubic adjoint", vectors(&cubic.adjoint(&gradient))),
+        ("cubic adjoint of numbers", numbers(&cubic.adjoint_scalar(&scalars))),
+        ("order of cells", order.iter().map(|v| u64::from(*v)).collect()),
+        ("cubic apply in the order of cells", vectors(&ordered.apply(&c))),
+        ("displaced in the order of cells", vectors(&ordered.displaced(&ordered_posed, &c))),
+        ("cubic adjoint in the order of cells", vectors(&ordered.adjoint(&ordered_gradient))),
+        ("volumes in the order of cells", numbers(&ordered_solid.volumes(&ordered_posed).components)),
+        ("gradient in the order of cells", vectors(&ordered_gradient)),
+        ("gradient change in the order of cells", vectors(&change)),
+    ]);
     let pose = Pose { solid: &solid, vertices: &posed, binding: &binding };
     for (name, method) in [("gradient method", Method::Gradient), ("axes method", Method::xyz())] {
         let options = CorrectOptions { method, mobility: None, ..CorrectOptions::default() };

@@ -29,6 +29,20 @@ impl Random {
         let [x, y, z, w] = [0; 4].map(|_| self.within(-1.0, 1.0));
         DMat3::from_quat(DQuat::from_xyzw(x, y, z, w + 2.0).normalize())
     }
+
+    fn permutation(&mut self, count: usize) -> Vec<u32> {
+        let mut keyed: Vec<(u64, u32)> = (0..count as u32).map(|v| (self.within(0.0, 1.0).to_bits(), v)).collect();
+        keyed.sort_unstable();
+        keyed.into_iter().map(|(_, v)| v).collect()
+    }
+
+    fn vectors(&mut self, count: usize) -> Vec<DVec3> {
+        (0..count).map(|_| self.vector()).collect()
+    }
+}
+
+fn in_order<T: Copy>(values: &[T], order: &[u32]) -> Vec<T> {
+    order.iter().map(|v| values[*v as usize]).collect()
 }
 
 fn mesh<const K: usize>(points: &[DVec3], faces: &[[u32; K]]) -> Mesh {
@@ -760,4 +774,118 @@ fn vertices_posed_apart_from_their_twins_are_found() {
 #[should_panic(expected = "one point for each vertex of the solid")]
 fn a_pose_with_another_number_of_points_is_refused() {
     let _ = solid(&cube(1)).volume(&[DVec3::ZERO; 7]);
+}
+
+// Other orders, and components apart
+
+/// Several bodies of their own side by side, some open, some sharing a vertex: more than one part of vertices in all.
+fn many_bodies(random: &mut Random) -> Mesh {
+    let mut bodies: Vec<Mesh> = vec![blob(5, random), open_blob(random), open_blob(random), uv_torus(1.0, 0.3, 24, 12)];
+    bodies.push(two_cubes_that_share_a_vertex());
+    let (mut points, mut faces) = (Vec::new(), Faces::new());
+    for (i, body) in bodies.iter().enumerate() {
+        let first = points.len() as u32;
+        let (rotation, by) = (random.rotation(), DVec3::X * (3.0 * i as f64));
+        points.extend(body.points().iter().map(|p| rotation * *p + by));
+        body.faces().iter().for_each(|face| faces.push(&face.iter().map(|v| v + first).collect::<Vec<_>>()));
+    }
+    Mesh::new(points, faces).unwrap()
+}
+
+fn two_cubes_that_share_a_vertex() -> Mesh {
+    voxels(&BTreeSet::from([[0, 0, 0], [1, 1, 1]]))
+}
+
+#[test]
+fn a_solid_in_another_order_has_the_same_volumes_areas_gradients_and_twins() {
+    let mut random = Random(21);
+    for mesh in [many_bodies(&mut random), soup(&icosphere(3)), cube(1)] {
+        let (points, solid) = (mesh.points(), solid(&mesh));
+        for far in [DVec3::ZERO, DVec3::new(1e5, -3e4, 7e5)] {
+            let points = moved(points, |p| p + far);
+            let order = random.permutation(points.len());
+            let (there, permuted) = (in_order(&points, &order), solid.permuted(&order));
+            let (volumes, found) = (solid.volumes(&points), permuted.volumes(&there));
+            assert_near(found.total, volumes.total, 2.0 * f64::EPSILON * volumes.total);
+            assert_eq!(found.components.len(), volumes.components.len());
+            for (a, b) in found.components.iter().zip(&volumes.components) {
+                assert_near(*a, *b, 2.0 * f64::EPSILON * b.abs());
+            }
+            assert_near(permuted.area(&there), solid.area(&points), 1e-13 * solid.area(&points));
+            let q = random.vectors(points.len());
+            let weights: Vec<f64> = volumes.components.iter().map(|_| random.within(-2.0, 2.0)).collect();
+            for (expected, found) in [
+                (solid.volume_gradient(&points), permuted.volume_gradient(&there)),
+                (solid.weighted_gradient(&points, &weights), permuted.weighted_gradient(&there, &weights)),
+                (
+                    solid.weighted_gradient_change(&points, &q, &weights),
+                    permuted.weighted_gradient_change(&there, &in_order(&q, &order), &weights),
+                ),
+            ] {
+                assert_all_near(&found, &in_order(&expected, &order), 1e-14);
+            }
+            assert_eq!(permuted.torn_vertices(&there), None);
+        }
+    }
+}
+
+#[test]
+fn a_vertex_torn_from_its_twin_is_found_in_any_order() {
+    let mut random = Random(22);
+    let soup = soup(&cube(2));
+    let order = random.permutation(soup.points().len());
+    let (mut points, solid) = (in_order(soup.points(), &order), solid(&soup).permuted(&order));
+    assert_eq!(solid.torn_vertices(&points), None);
+    points[5] += DVec3::X;
+    let [a, b] = solid.torn_vertices(&points).unwrap();
+    assert!(a == 5 || b == 5);
+    // They stood at one place.
+    assert_eq!(soup.points()[order[a as usize] as usize], soup.points()[order[b as usize] as usize]);
+}
+
+#[test]
+fn weights_per_component_give_the_weighted_sum_of_the_components_gradients() {
+    let mut random = Random(23);
+    let mesh = many_bodies(&mut random);
+    let (points, solid, labels) = (mesh.points(), solid(&mesh), topology(&mesh).component_of_face);
+    let count = solid.component_count();
+    assert!(count >= 6, "{count}");
+    let q = random.vectors(points.len());
+    let weights: Vec<f64> = (0..count).map(|_| random.within(-2.0, 2.0)).collect();
+    let (mut gradient, mut change) = (vec![DVec3::ZERO; points.len()], vec![DVec3::ZERO; points.len()]);
+    for (c, weight) in weights.iter().enumerate() {
+        // The component as a solid of its own.
+        let alone = self::solid(&kept_faces(&mesh, |face, _| labels[face] as usize == c));
+        let (of_points, of_q) = (alone.volume_gradient(points), alone.volume_gradient_change(points, &q));
+        for v in 0..points.len() {
+            gradient[v] += *weight * of_points[v];
+            change[v] += *weight * of_q[v];
+        }
+    }
+    assert_all_near(&solid.weighted_gradient(points, &weights), &gradient, 1e-14);
+    assert_all_near(&solid.weighted_gradient_change(points, &q, &weights), &change, 1e-14);
+    let ones = vec![1.0; count];
+    assert_eq!(solid.weighted_gradient(points, &ones), solid.volume_gradient(points));
+    assert_eq!(solid.weighted_gradient_change(points, &q, &ones), solid.volume_gradient_change(points, &q));
+}
+
+#[test]
+fn the_vertex_of_two_components_that_touch_follows_both() {
+    // Two unit cubes that share one vertex, on opposite sides of it.
+    let mesh = two_cubes_that_share_a_vertex();
+    let solid = solid(&mesh);
+    assert_eq!(solid.component_count(), 2);
+    let shared = mesh.points().iter().position(|p| *p == DVec3::ONE).unwrap();
+    let [one, other] = [[1.0, 0.0], [0.0, 1.0]].map(|w| solid.weighted_gradient(mesh.points(), &w)[shared]);
+    assert!(one.dot(other) < 0.0);
+    for weights in [[1.0, 1.0], [2.0, -3.0]] {
+        let found = solid.weighted_gradient(mesh.points(), &weights)[shared];
+        assert_all_near(&[found], &[one * weights[0] + other * weights[1]], 1e-15);
+    }
+}
+
+#[test]
+#[should_panic(expected = "one weight for each component of the solid")]
+fn weights_of_another_number_are_refused() {
+    let _ = solid(&cube(1)).weighted_gradient(cube(1).points(), &[1.0, 1.0]);
 }
