@@ -78,6 +78,7 @@ mod double;
 mod edit;
 #[cfg(feature = "serde")]
 mod exact;
+mod goals;
 mod gradient;
 mod health;
 mod job;
@@ -93,6 +94,7 @@ mod posed;
 mod report;
 mod select;
 pub mod shapes;
+mod shells;
 pub mod tolerances;
 mod topology;
 mod volume;
@@ -104,10 +106,12 @@ pub use edit::{
     Axis, Bend, Edit, EditError, Factors, LengthUnit, Move, Noise, Rotate, RotationAxis, Scale, SignedAxis, Stretch,
     Taper, Twist,
 };
-pub use health::{Health, Source, Verdict};
+pub use goals::{Components, VolumeGoal};
+pub use health::{ComponentHealth, Health, Source, Verdict};
 pub use job::{
     Amount, AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots, LatticeRequest,
-    MethodKind, MobilityKind, Objective, PerAxis, PointRequest, Precision, Preserve, ValueError, VolumeTarget,
+    MethodKind, MobilityKind, Objective, PartTarget, PerAxis, PointRequest, Precision, Preserve, ValueError,
+    VolumeTarget,
 };
 #[cfg(feature = "serde")]
 pub use job_text::JobTextError;
@@ -116,8 +120,9 @@ pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{JobError, JobInput, Outcome, PosedLattice, Stage};
 pub use points::PointTarget;
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
-pub use report::{CorrectionReport, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
+pub use report::{CorrectionReport, PartRow, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
 pub use select::{ControlSpace, SelectError, Selector};
+pub use shells::{Role, Shell, roles};
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 
