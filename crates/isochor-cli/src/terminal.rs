@@ -138,14 +138,14 @@ fn component_lines(components: &[ComponentHealth]) -> Vec<String> {
                 "shell with {} {}: capacity {}, material {}",
                 if cavities.len() == 1 { "cavity" } else { "cavities" },
                 listed(cavities),
-                capacity.unwrap_or_default(),
-                material.unwrap_or_default()
+                significant(capacity.unwrap_or_default()),
+                significant(material.unwrap_or_default())
             ),
             Role::Cavity { of } => format!("cavity of component {of}"),
             Role::Inward => "wound inwards, inside nothing".into(),
             Role::Nothing => "encloses nothing".into(),
         };
-        format!("component {c}: volume {volume}, {role}")
+        format!("component {c}: volume {}, {role}", significant(*volume))
     };
     let mut lines: Vec<String> = components.iter().enumerate().take(MOST_LISTED).map(line).collect();
     if components.len() > MOST_LISTED {
@@ -236,5 +236,33 @@ impl Progress {
 
     pub fn end(&self) {
         self.0.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use isochor::{Job, JobInput, Source, VolumeRow, shapes};
+
+    use super::*;
+
+    #[test]
+    fn several_volumes_have_a_line_each_up_to_a_limit() {
+        let mesh = shapes::hollow_sphere(1, 0.5);
+        let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None };
+        let mut report = Job::default().run(&input, &mut |_| {}).unwrap().report;
+        assert_eq!(volume_lines(&report).len(), 2, "nothing was asked");
+        let (target, relative_error) = (Some(2.0), Some(0.0));
+        let row = VolumeRow { rest: 1.0, posed: 0.5, target, corrected: 2.0, written: None, relative_error };
+        let parts = |components: &[usize]| PartRow { components: components.to_vec(), row };
+        let volume = report.volume.as_mut().unwrap();
+        volume.parts = vec![parts(&[1]), parts(&[0, 1])];
+        volume.parts.extend((0..20).map(|c| parts(&[c])));
+        let lines = volume_lines(&report);
+        let change = "posed 0.5000000000000 (-50.000 %), final 2.000000000000 (+100.000 %), relative error 0.0e0";
+        assert_eq!(lines[3], format!("component 1: {change}"));
+        assert_eq!(lines[4], format!("components 0, 1: {change}"));
+        assert_eq!(lines[13], "… and 12 more volumes; --json lists all");
+        assert!(lines[14].starts_with("correction: ") && lines.len() == 15, "{lines:?}");
+        assert_eq!(listed(&(0..12).collect::<Vec<_>>()), "0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more");
     }
 }

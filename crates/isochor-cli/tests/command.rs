@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use glam::DVec3;
-use isochor::{Bounds, Health, Mesh, Source, shapes, topology};
+use isochor::{Bounds, Faces, Health, Mesh, Source, shapes, topology};
 use isochor_io::{Document, Format, NumberType};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -285,6 +285,7 @@ fn info_tells_the_health_of_a_model() {
             "bounds",
             "area",
             "volume",
+            "roles",
             "verdict",
             "warnings",
         ],
@@ -300,6 +301,66 @@ fn info_tells_the_health_of_a_model() {
     assert!(open["warnings"][0].as_str().unwrap().contains("open"), "{open}");
 }
 
+/// Cubes of side 1 in a row, 2 apart; those of the given numbers are wound inwards.
+fn cubes_in_a_row(count: usize, inward: &[usize]) -> Mesh {
+    let cube = shapes::cube(1);
+    let mut points = Vec::new();
+    let mut faces = Faces::new();
+    for k in 0..count {
+        let first = points.len() as u32;
+        points.extend(cube.points().iter().map(|p| *p + 2.0 * k as f64 * DVec3::X));
+        for face in cube.faces().iter() {
+            let mut corners: Vec<u32> = face.iter().map(|v| v + first).collect();
+            if inward.contains(&k) {
+                corners.reverse();
+            }
+            faces.push(&corners);
+        }
+    }
+    Mesh::new(points, faces).unwrap()
+}
+
+#[test]
+fn info_lists_components_and_which_is_a_cavity_of_which() {
+    let folder = Folder::new();
+    let write = |name: &str, mesh: &Mesh| {
+        folder.write(name, Document::from_mesh(mesh, Format::Ply, NumberType::F64).unwrap().bytes());
+    };
+    let bottle = shapes::hollow_bottle(24, 30, 0.1);
+    write("hollow.ply", &bottle);
+    let text = folder.isochor("info hollow.ply").succeeded().stdout;
+    for line in [": volume -", "shell with cavity 1: capacity ", ", material ", ", cavity of component 0\n"] {
+        assert!(text.contains(line), "{text}");
+    }
+    let health = folder.isochor("info --json hollow.ply").succeeded().json();
+    let [shell, cavity] = &health["roles"].as_array().unwrap()[..] else { panic!("{health}") };
+    assert_eq!((&shell["role"], &shell["outer"], &shell["cavities"]), (&"shell".into(), &0.into(), &vec![1].into()));
+    assert_eq!((&cavity["role"], &cavity["of"], &cavity["capacity"]), (&"cavity".into(), &0.into(), &Value::Null));
+    let [outer, inner] = [shell, cavity].map(|component| component["volume"].as_f64().unwrap());
+    assert!(outer > 0.0 && inner < 0.0 && shell["capacity"] == -inner && shell["material"] == outer + inner);
+    assert!((outer + inner - volume(&bottle)).abs() <= 1e-15);
+
+    // Of many components some are listed, in JSON all of them.
+    write("many.ply", &cubes_in_a_row(1000, &[3]));
+    let text = folder.isochor("info many.ply").succeeded().stdout;
+    assert!(text.contains("\n  … and 990 more; --json lists all\n"), "{text}");
+    assert!(text.contains("\n  component 3: volume -1.000000000000, wound inwards, inside nothing\n"), "{text}");
+    assert!(
+        text.contains("\n  component 9: volume 1.000000000000, solid\n") && !text.contains("component 10"),
+        "{text}"
+    );
+    let health = folder.isochor("info --json many.ply").succeeded().json();
+    let roles: Vec<&Value> = health["roles"].as_array().unwrap().iter().map(|component| &component["role"]).collect();
+    assert_eq!((roles.len(), roles[3], roles[999]), (1000, &"inward".into(), &"solid".into()));
+
+    // One component is the model, and of a model without volume there is nothing to say.
+    let text = folder.isochor("info ring.ply").succeeded().stdout;
+    assert!(!text.contains("component 0"), "{text}");
+    assert_eq!(folder.isochor("info --json ring.ply").succeeded().json()["roles"][0]["role"], "solid");
+    folder.write("points.obj", "v 0 0 0\n");
+    assert_eq!(folder.isochor("info --json points.obj").succeeded().json()["roles"], Value::Array(Vec::new()));
+}
+
 #[test]
 fn a_report_has_the_fields_that_programs_rely_on() {
     let folder = Folder::new();
@@ -309,7 +370,7 @@ fn a_report_has_the_fields_that_programs_rely_on() {
     assert_has(&report["model"], &["format", "vertices", "genus", "verdict", "volume"]);
     let row = ["rest", "posed", "target", "final", "written", "relative_error"];
     assert_has(&report["volume"], &row);
-    assert_has(&report["volume"], &["components"]);
+    assert_has(&report["volume"], &["components", "parts"]);
     assert_has(&report["volume"]["components"][0], &row);
     assert_has(
         &report["correction"],
