@@ -516,6 +516,14 @@ fn sign(volume: f64) -> f64 {
     if volume < 0.0 { -1.0 } else { 1.0 }
 }
 
+/// The volume of some components together.
+fn sum(volumes: &Volumes, components: &Components) -> f64 {
+    match components {
+        Components::All => volumes.total,
+        Components::These(list) => list.iter().map(|&c| volumes.components[c]).sum(),
+    }
+}
+
 /// A body and its volumes at rest.
 #[derive(Clone, Debug)]
 struct Body {
@@ -609,13 +617,9 @@ impl Body {
 
     /// The goal that `components`, ascending, get `amount` of what they hold at rest.
     fn goal(&self, components: Vec<usize>, amount: Amount) -> VolumeGoal {
-        let (components, rest) = match components.len() == self.roles.len() {
-            true => (Components::All, self.rest.total),
-            false => {
-                let rest = components.iter().map(|&c| self.rest.components[c]).sum();
-                (Components::These(components), rest)
-            }
-        };
+        let components =
+            if components.len() == self.roles.len() { Components::All } else { Components::These(components) };
+        let rest = sum(&self.rest, &components);
         VolumeGoal { components, volume: amount.of(rest.abs()) * sign(rest) }
     }
 
@@ -636,11 +640,9 @@ impl Body {
         let mut parts = Vec::new();
         let is_of_parts = goals.len() > 1 || goals.iter().any(|goal| goal.components != Components::All);
         for VolumeGoal { components: which, volume } in goals {
-            let (list, of): (Vec<usize>, Box<dyn Fn(&Volumes) -> f64>) = match which {
-                Components::All => ((0..count).collect(), Box::new(|volumes| volumes.total)),
-                Components::These(list) => {
-                    (list.clone(), Box::new(|volumes| list.iter().map(|&c| volumes.components[c]).sum()))
-                }
+            let list = match which {
+                Components::All => (0..count).collect(),
+                Components::These(list) => list.clone(),
             };
             if *which == Components::All {
                 overall.aim(volume * self.orientation);
@@ -649,8 +651,8 @@ impl Body {
                 components[only].aim(volume * self.orientation);
             }
             if is_of_parts {
-                let sign = sign(of(&self.rest));
-                let mut part = PartRow { components: list.clone(), row: row(&*of, sign) };
+                let sign = sign(sum(&self.rest, which));
+                let mut part = PartRow { components: list, row: row(&|volumes| sum(volumes, which), sign) };
                 part.row.aim(volume * sign);
                 parts.push(part);
             }

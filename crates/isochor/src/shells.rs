@@ -88,7 +88,7 @@ impl Shell {
 
 /// What each component of `solid` is to the others in the pose `points` (#vertices × 3), whose volumes are `volumes`.
 ///
-/// Takes time only where there are inward components: no winding number is computed otherwise.
+/// Where no component is inward, no winding number is computed.
 ///
 /// # Panics
 ///
@@ -246,9 +246,9 @@ impl<'a> Surface<'a> {
     }
 }
 
-/// The box round some triangles.
+/// The box round some triangles; of none, the origin.
 fn bounds(triangles: &[[u32; 3]], points: &[DVec3]) -> Bounds {
-    let first = points[triangles[0][0] as usize];
+    let first = triangles.first().map_or(DVec3::ZERO, |t| points[t[0] as usize]);
     triangles.as_flattened().iter().fold(Bounds { min: first, max: first }, |b, &v| {
         let p = points[v as usize];
         Bounds { min: b.min.min(p), max: b.max.max(p) }

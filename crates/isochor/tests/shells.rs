@@ -210,6 +210,19 @@ fn components_that_enclose_nothing_are_neither() {
 }
 
 #[test]
+fn a_face_that_leaves_no_triangle_is_a_component_that_encloses_nothing() {
+    // Forth and back along two edges: three corners, and each triangle of the fan repeats one of them.
+    let cube = box_of(1);
+    let mut points = cube.points().to_vec();
+    let mut faces = cube.faces().clone();
+    points.extend([DVec3::X * 9.0, DVec3::X * 8.0, DVec3::Y * 7.0]);
+    faces.push(&[8, 9, 8, 10]);
+    let mesh = Mesh::new(points, faces).unwrap();
+    assert_eq!(roles_of(&mesh).0, [Role::Solid, Role::Nothing]);
+    assert_eq!(roles_of(&inverted(&mesh)).0, [Role::Solid, Role::Nothing]);
+}
+
+#[test]
 fn a_model_far_from_the_origin_has_the_same_shells() {
     let ball = icosphere(2);
     let mesh =
