@@ -158,9 +158,13 @@ pub struct DeformArgs {
     /// The method; with --preserve AXES, nearest and gradient move control points along these axes only.
     #[arg(long, value_enum, help_heading = "Volume")]
     pub method: Option<MethodArg>,
-    /// The wanted volume: rest, free, 120%, a number, or a range such as 95%..105%.
+    /// The wanted volume: rest, free, 120%, a number, or a range such as 95%..105%; for several volumes each, each=110%, or
+    /// material=100%,capacity=110%.
     #[arg(long, value_name = "VOLUME", help_heading = "Volume")]
     pub volume: Option<String>,
+    /// The wanted volume of some components together, instead of --volume: 0,2=110%. May be repeated.
+    #[arg(long, value_name = "COMPONENTS=VOLUME", help_heading = "Volume")]
+    pub part: Vec<String>,
     /// Relative shares of the axes, with commas: 1,2.
     #[arg(long, value_name = "SHARES", help_heading = "Volume")]
     pub shares: Option<String>,

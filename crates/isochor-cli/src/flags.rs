@@ -2,8 +2,8 @@
 
 use glam::DVec3;
 use isochor::{
-    Axis, Bend, Edit, Factors, Falloff, LengthUnit, Move, Noise, PerAxis, PointRequest, Rotate, RotationAxis, Scale,
-    Selector, SignedAxis, Stretch, Taper, Twist,
+    Axis, Bend, Edit, Factors, Falloff, LengthUnit, Move, Noise, PartTarget, PerAxis, PointRequest, Rotate,
+    RotationAxis, Scale, Selector, SignedAxis, Stretch, Taper, Twist,
 };
 
 use crate::failure::Failure;
@@ -168,4 +168,14 @@ pub fn point(text: &str) -> Result<PointRequest, Failure> {
         Some(PointRequest { vertex: vertex.trim().parse().ok()?, to: DVec3::new(x, y, z) })
     };
     parsed().ok_or_else(|| refused("point", text, "1204:0.1,0.2,0.9"))
+}
+
+/// `0,2=110%`
+pub fn part(text: &str) -> Result<PartTarget, Failure> {
+    let parsed = || {
+        let (components, volume) = text.split_once('=')?;
+        let components = components.split(',').map(|c| c.trim().parse().ok()).collect::<Option<_>>()?;
+        Some(PartTarget { components, volume: volume.parse().ok()? })
+    };
+    parsed().ok_or_else(|| refused("part", text, "0,2=110%"))
 }

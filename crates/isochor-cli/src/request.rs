@@ -146,9 +146,17 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
             .parse()
             .map_err(|error| Failure::usage("--volume", format!("{error}"), "write for example --volume 120%"))?;
     }
+    if !args.part.is_empty() {
+        if args.volume.is_some() {
+            return Err(Failure::usage("--part", "contradicts --volume", "leave one of them out"));
+        }
+        let parts: Result<_, Failure> = args.part.iter().map(|text| flags::part(text)).collect();
+        preserve.volume = VolumeTarget::Parts(parts?);
+    }
     match args.preserve.as_deref() {
-        Some("free") if args.volume.is_some() => {
-            return Err(Failure::usage("--preserve", "\"free\" contradicts --volume", "leave one of them out"));
+        Some("free") if args.volume.is_some() || !args.part.is_empty() => {
+            let flag = if args.volume.is_some() { "--volume" } else { "--part" };
+            return Err(Failure::usage("--preserve", format!("\"free\" contradicts {flag}"), "leave one of them out"));
         }
         Some("free") => preserve.volume = VolumeTarget::Free,
         Some("nearest") => only(preserve, MethodKind::Nearest),

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use isochor::{Health, Report};
+use isochor::{ComponentHealth, Health, PartRow, Report, Role, Shell};
 
 use crate::args::OutputArgs;
 use crate::failure::Failure;
@@ -97,10 +97,8 @@ impl Terminal {
         for (name, value) in rows {
             text += &format!("  {name:<11} {value}\n");
         }
-        if let Some(volume) = health.volume.as_ref().filter(|v| v.components.len() > 1) {
-            for (c, v) in volume.components.iter().enumerate() {
-                text += &format!("  component {c}: volume {v}\n");
-            }
+        for line in component_lines(&health.roles) {
+            text += &format!("  {line}\n");
         }
         for warning in &health.warnings {
             text += &format!("  note: {warning}\n");
@@ -124,6 +122,45 @@ impl Terminal {
     }
 }
 
+/// More components, or cavities of one, than anybody reads.
+const MOST_LISTED: usize = 10;
+
+/// The components of a model that has several, for people.
+fn component_lines(components: &[ComponentHealth]) -> Vec<String> {
+    if components.len() < 2 {
+        return Vec::new();
+    }
+    let line = |(c, component): (usize, &ComponentHealth)| {
+        let ComponentHealth { volume, role, capacity, material } = component;
+        let role = match role {
+            Role::Solid => "solid".into(),
+            Role::Shell(Shell { cavities, .. }) => format!(
+                "shell with {} {}: capacity {}, material {}",
+                if cavities.len() == 1 { "cavity" } else { "cavities" },
+                listed(cavities),
+                significant(capacity.unwrap_or_default()),
+                significant(material.unwrap_or_default())
+            ),
+            Role::Cavity { of } => format!("cavity of component {of}"),
+            Role::Inward => "wound inwards, inside nothing".into(),
+            Role::Nothing => "encloses nothing".into(),
+        };
+        format!("component {c}: volume {}, {role}", significant(*volume))
+    };
+    let mut lines: Vec<String> = components.iter().enumerate().take(MOST_LISTED).map(line).collect();
+    if components.len() > MOST_LISTED {
+        lines.push(format!("… and {} more; --json lists all", components.len() - MOST_LISTED));
+    }
+    lines
+}
+
+/// Numbers of components, as many as one reads.
+fn listed(components: &[usize]) -> String {
+    let names: Vec<String> = components.iter().take(MOST_LISTED).map(usize::to_string).collect();
+    let more = components.len() - names.len();
+    names.join(", ") + &if more > 0 { format!(" and {more} more") } else { String::new() }
+}
+
 /// The way of the volume through a job, for people.
 pub fn volume_lines(report: &Report) -> Vec<String> {
     let Some(volume) = &report.volume else { return vec!["volume: the model bounds no body".into()] };
@@ -138,6 +175,11 @@ pub fn volume_lines(report: &Report) -> Vec<String> {
             let error = ((written - target) / target).abs();
             lines.push(format!("       written   {}, relative error {error:.1e}", change(written)));
         }
+    } else if !volume.parts.is_empty() {
+        lines.push(format!("       final     {}", change(row.corrected)));
+    }
+    lines.extend(part_lines(&volume.parts));
+    if row.target.is_some() || !volume.parts.is_empty() {
         let correction = &report.correction;
         lines.push(format!(
             "correction: {}, {}, {} step{}; vertices moved by at most {:.3e} ({:.2} % of the extent)",
@@ -148,6 +190,22 @@ pub fn volume_lines(report: &Report) -> Vec<String> {
             correction.max_displacement,
             100.0 * correction.max_displacement_relative
         ));
+    }
+    lines
+}
+
+/// What became of each of several volumes, for people.
+fn part_lines(parts: &[PartRow]) -> Vec<String> {
+    let line = |PartRow { components, row }: &PartRow| {
+        let name = if components.len() == 1 { "component" } else { "components" };
+        let change = |volume: f64| format!("{} ({:+.3} %)", significant(volume), 100.0 * (volume / row.rest - 1.0));
+        let error = row.relative_error.map_or_else(String::new, |error| format!(", relative error {error:.1e}"));
+        let (posed, end) = (change(row.posed), change(row.corrected));
+        format!("{name} {}: posed {posed}, final {end}{error}", listed(components))
+    };
+    let mut lines: Vec<String> = parts.iter().take(MOST_LISTED).map(line).collect();
+    if parts.len() > MOST_LISTED {
+        lines.push(format!("… and {} more volumes; --json lists all", parts.len() - MOST_LISTED));
     }
     lines
 }
@@ -178,5 +236,33 @@ impl Progress {
 
     pub fn end(&self) {
         self.0.finish_and_clear();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use isochor::{Job, JobInput, Source, VolumeRow, shapes};
+
+    use super::*;
+
+    #[test]
+    fn several_volumes_have_a_line_each_up_to_a_limit() {
+        let mesh = shapes::hollow_sphere(1, 0.5);
+        let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None };
+        let mut report = Job::default().run(&input, &mut |_| {}).unwrap().report;
+        assert_eq!(volume_lines(&report).len(), 2, "nothing was asked");
+        let (target, relative_error) = (Some(2.0), Some(0.0));
+        let row = VolumeRow { rest: 1.0, posed: 0.5, target, corrected: 2.0, written: None, relative_error };
+        let parts = |components: &[usize]| PartRow { components: components.to_vec(), row };
+        let volume = report.volume.as_mut().unwrap();
+        volume.parts = vec![parts(&[1]), parts(&[0, 1])];
+        volume.parts.extend((0..20).map(|c| parts(&[c])));
+        let lines = volume_lines(&report);
+        let change = "posed 0.5000000000000 (-50.000 %), final 2.000000000000 (+100.000 %), relative error 0.0e0";
+        assert_eq!(lines[3], format!("component 1: {change}"));
+        assert_eq!(lines[4], format!("components 0, 1: {change}"));
+        assert_eq!(lines[13], "… and 12 more volumes; --json lists all");
+        assert!(lines[14].starts_with("correction: ") && lines.len() == 15, "{lines:?}");
+        assert_eq!(listed(&(0..12).collect::<Vec<_>>()), "0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more");
     }
 }

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use glam::DVec3;
-use isochor::{Bounds, Health, Mesh, Source, shapes, topology};
+use isochor::{Bounds, Faces, Health, Mesh, Source, shapes, topology};
 use isochor_io::{Document, Format, NumberType};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -285,6 +285,7 @@ fn info_tells_the_health_of_a_model() {
             "bounds",
             "area",
             "volume",
+            "roles",
             "verdict",
             "warnings",
         ],
@@ -300,6 +301,66 @@ fn info_tells_the_health_of_a_model() {
     assert!(open["warnings"][0].as_str().unwrap().contains("open"), "{open}");
 }
 
+/// Cubes of side 1 in a row, 2 apart; those of the given numbers are wound inwards.
+fn cubes_in_a_row(count: usize, inward: &[usize]) -> Mesh {
+    let cube = shapes::cube(1);
+    let mut points = Vec::new();
+    let mut faces = Faces::new();
+    for k in 0..count {
+        let first = points.len() as u32;
+        points.extend(cube.points().iter().map(|p| *p + 2.0 * k as f64 * DVec3::X));
+        for face in cube.faces().iter() {
+            let mut corners: Vec<u32> = face.iter().map(|v| v + first).collect();
+            if inward.contains(&k) {
+                corners.reverse();
+            }
+            faces.push(&corners);
+        }
+    }
+    Mesh::new(points, faces).unwrap()
+}
+
+#[test]
+fn info_lists_components_and_which_is_a_cavity_of_which() {
+    let folder = Folder::new();
+    let write = |name: &str, mesh: &Mesh| {
+        folder.write(name, Document::from_mesh(mesh, Format::Ply, NumberType::F64).unwrap().bytes());
+    };
+    let bottle = shapes::hollow_bottle(24, 30, 0.1);
+    write("hollow.ply", &bottle);
+    let text = folder.isochor("info hollow.ply").succeeded().stdout;
+    for line in [": volume -", "shell with cavity 1: capacity ", ", material ", ", cavity of component 0\n"] {
+        assert!(text.contains(line), "{text}");
+    }
+    let health = folder.isochor("info --json hollow.ply").succeeded().json();
+    let [shell, cavity] = &health["roles"].as_array().unwrap()[..] else { panic!("{health}") };
+    assert_eq!((&shell["role"], &shell["outer"], &shell["cavities"]), (&"shell".into(), &0.into(), &vec![1].into()));
+    assert_eq!((&cavity["role"], &cavity["of"], &cavity["capacity"]), (&"cavity".into(), &0.into(), &Value::Null));
+    let [outer, inner] = [shell, cavity].map(|component| component["volume"].as_f64().unwrap());
+    assert!(outer > 0.0 && inner < 0.0 && shell["capacity"] == -inner && shell["material"] == outer + inner);
+    assert!((outer + inner - volume(&bottle)).abs() <= 1e-15);
+
+    // Of many components some are listed, in JSON all of them.
+    write("many.ply", &cubes_in_a_row(1000, &[3]));
+    let text = folder.isochor("info many.ply").succeeded().stdout;
+    assert!(text.contains("\n  … and 990 more; --json lists all\n"), "{text}");
+    assert!(text.contains("\n  component 3: volume -1.000000000000, wound inwards, inside nothing\n"), "{text}");
+    assert!(
+        text.contains("\n  component 9: volume 1.000000000000, solid\n") && !text.contains("component 10"),
+        "{text}"
+    );
+    let health = folder.isochor("info --json many.ply").succeeded().json();
+    let roles: Vec<&Value> = health["roles"].as_array().unwrap().iter().map(|component| &component["role"]).collect();
+    assert_eq!((roles.len(), roles[3], roles[999]), (1000, &"inward".into(), &"solid".into()));
+
+    // One component is the model, and of a model without volume there is nothing to say.
+    let text = folder.isochor("info ring.ply").succeeded().stdout;
+    assert!(!text.contains("component 0"), "{text}");
+    assert_eq!(folder.isochor("info --json ring.ply").succeeded().json()["roles"][0]["role"], "solid");
+    folder.write("points.obj", "v 0 0 0\n");
+    assert_eq!(folder.isochor("info --json points.obj").succeeded().json()["roles"], Value::Array(Vec::new()));
+}
+
 #[test]
 fn a_report_has_the_fields_that_programs_rely_on() {
     let folder = Folder::new();
@@ -309,7 +370,7 @@ fn a_report_has_the_fields_that_programs_rely_on() {
     assert_has(&report["model"], &["format", "vertices", "genus", "verdict", "volume"]);
     let row = ["rest", "posed", "target", "final", "written", "relative_error"];
     assert_has(&report["volume"], &row);
-    assert_has(&report["volume"], &["components"]);
+    assert_has(&report["volume"], &["components", "parts"]);
     assert_has(&report["volume"]["components"][0], &row);
     assert_has(
         &report["correction"],
@@ -471,6 +532,8 @@ fn volumes_come_out_as_asked_for() {
         ("40%..60%", 0.5),
         ("..0.3", 0.3),
         ("0.7..", 0.7),
+        ("each", 1.0),
+        ("each=120%", 1.2),
         ("free", 0.5),
     ] {
         let report = folder.report(&format!("cube.obj -o out.obj --stretch z=0.5 --volume {wanted}"));
@@ -869,6 +932,19 @@ fn bad_input_ends_with_2_and_writes_nothing() {
         ("deform cube.obj -o out.obj --twist z=90 --shares 1,2", "correct", "3 are needed"),
         ("deform cube.obj -o out.obj --twist z=90 --preserve xy --shares 1,-1", "correct", "at least 0"),
         ("deform cube.obj -o out.obj --twist z=90 --volume 105%..95%", "value", "min must not exceed max"),
+        (
+            "deform cube.obj -o out.obj --twist z=90 --part 0,1=110%",
+            "missing-component",
+            "component 1, but the model has 1",
+        ),
+        ("deform cube.obj -o out.obj --twist z=90 --part 0=110% --part 7=1", "missing-component", "parts[1]"),
+        ("deform cube.obj -o out.obj --twist z=90 --part 0,0=110%", "value", "component 0 twice"),
+        ("deform cube.obj -o out.obj --twist z=90 --volume capacity=110%", "no-cavities", "isochor info"),
+        (
+            "deform cube.obj -o out.obj --twist z=90 --volume material=100%,capacity=110%",
+            "no-cavities",
+            "has no cavities",
+        ),
         ("demo cube.obj", "file", "cube.obj"),
         ("man cube.obj", "file", "cube.obj"),
     ] {
@@ -918,6 +994,14 @@ fn bad_usage_ends_with_2_and_writes_nothing() {
         ("deform cube.obj -o out.obj --volume=-5%", "--volume"),
         ("deform cube.obj -o out.obj --volume much", "much"),
         ("deform cube.obj -o out.obj --volume ..", "--volume"),
+        ("deform cube.obj -o out.obj --volume each=", "--volume"),
+        ("deform cube.obj -o out.obj --volume each=100%,capacity=110%", "--volume"),
+        ("deform cube.obj -o out.obj --volume capacity=full", "more than 0"),
+        ("deform cube.obj -o out.obj --part 110%", "write for example 0,2=110%"),
+        ("deform cube.obj -o out.obj --part a=110%", "--part"),
+        ("deform cube.obj -o out.obj --part 0=-1", "--part"),
+        ("deform cube.obj -o out.obj --part 0=110% --volume each", "contradicts --volume"),
+        ("deform cube.obj -o out.obj --part 0=110% --preserve free", "contradicts --part"),
         ("deform cube.obj -o out.obj --shares 1,x", "--shares"),
         ("deform cube.obj -o out.obj --pin top", "--pin"),
         ("deform cube.obj -o out.obj --pin 'k=0 k=1'", "twice"),
@@ -950,6 +1034,10 @@ fn bad_jobs_name_the_line_and_the_nearest_key() {
         ("[[edit]]\ntwsit = { axis = \"z\", degrees = 9 }\n", "did you mean `twist`?"),
         ("[[edit]]\ntwist = { axis = \"z\", degrees = 9, rnage = [0, 1] }\n", "did you mean `range`?"),
         ("[preserve]\nvolume = -1\n", "more than 0"),
+        ("[preserve]\nvolume = { eahc = \"100%\" }\n", "did you mean `each`?"),
+        ("[preserve]\nvolume = { each = 1, parts = [] }\n", "{ each, parts }"),
+        ("[preserve]\nvolume = { parts = [{ components = [0] }] }\n", "missing field `volume`"),
+        ("[preserve]\nvolume = { parts = [{ component = [0], volume = 1 }] }\n", "did you mean `components`?"),
         ("[preserve]\naxes = \"xyy\"\n", "\"xyy\""),
         ("[lattice]\nsize = [4, 4]\n", "a list of 2 numbers"),
         ("[lattice\n", "line 1"),

@@ -5,7 +5,8 @@ use std::fmt::Display;
 use std::path::PathBuf;
 use std::process::Command;
 
-use isochor::{Health, Job, JobInput, Source, Verdict, topology};
+use glam::DVec3;
+use isochor::{Health, Job, JobInput, Mesh, Role, Shell, Source, Verdict, fan, shapes, topology};
 use isochor_io::{Document, Format, Place, ReadError, WriteOptions};
 use serde_json::Value;
 
@@ -288,6 +289,118 @@ fn every_model_keeps_its_volume_exactly_or_says_why_it_has_none() {
     }
     assert!(faults.is_empty(), "{faults:#?}");
     assert!(closed > 100, "only {closed} closed models");
+}
+
+/// What the components of a model are, less their volumes.
+fn roles(mesh: &Mesh) -> Vec<Role> {
+    let health = Health::of(mesh, &topology(mesh), &Source::of(mesh)).0;
+    health.roles.into_iter().map(|component| component.role).collect()
+}
+
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn components_of_many_bodied_models_have_roles_that_add_up() {
+    let mut several = 0;
+    for row in rows_with_figures() {
+        let Ok(document) = read(&row["file"]) else { continue };
+        let health = health(&document);
+        let Some(volumes) = health.volume.filter(|volumes| volumes.components.len() > 1) else { continue };
+        several += 1;
+        let file = &row["file"];
+        assert_eq!(health.roles.len(), health.components, "{file}");
+        // Solids, material and what is inward or nothing make the whole; capacities are those of the cavities.
+        let outwards = if volumes.total < 0.0 { -1.0 } else { 1.0 };
+        let (mut total, mut capacity, mut cavities) = (0.0, 0.0, 0.0);
+        for (c, component) in health.roles.iter().enumerate() {
+            let volume = volumes.components[c] * outwards;
+            assert_eq!(component.volume, volumes.components[c], "{file}");
+            match &component.role {
+                Role::Solid => assert!(volume > 0.0),
+                Role::Shell(shell) => {
+                    assert!(volume > 0.0 && shell.outer == c && !shell.cavities.is_empty(), "{file}");
+                    assert!(shell.cavities.iter().all(|&k| health.roles[k].role == Role::Cavity { of: c }), "{file}");
+                    capacity += component.capacity.unwrap();
+                }
+                Role::Cavity { of } => {
+                    assert!(
+                        matches!(&health.roles[*of].role, Role::Shell(shell) if shell.cavities.contains(&c)),
+                        "{file}"
+                    );
+                    assert!(volume < 0.0, "{file}");
+                    cavities -= volume;
+                }
+                Role::Inward => assert!(volume < 0.0, "{file}"),
+                Role::Nothing => {}
+            }
+            total += match component.role {
+                Role::Cavity { .. } => 0.0,
+                _ => component.material.unwrap_or(volume),
+            };
+        }
+        let size: f64 = volumes.components.iter().map(|v| v.abs()).sum();
+        assert!((total - volumes.total * outwards).abs() <= 1e-13 * size, "{file}");
+        assert!((capacity - cavities).abs() <= 1e-13 * size, "{file}");
+    }
+    assert!(several > 20, "only {several} models of several components");
+}
+
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn a_cavity_is_one_only_where_it_is_wound_inwards() {
+    let of = |file: &str| roles(read(file).unwrap().mesh());
+    let shell = Role::Shell(Shell { outer: 0, cavities: vec![1] });
+    assert_eq!(of("broken/made/topo-cavity.obj"), [shell, Role::Cavity { of: 0 }]);
+    assert_eq!(of("broken/made/topo-cavity-wrong.obj"), [Role::Solid, Role::Solid]);
+    assert_eq!(of("broken/made/topo-overlapping-cubes.obj"), [Role::Solid, Role::Solid]);
+    assert_eq!(of("closed/ant.ply"), [const { Role::Solid }; 15]);
+}
+
+/// Whether a ray from `q` leaves `mesh` an odd number of times.
+fn is_inside(mesh: &Mesh, q: DVec3) -> bool {
+    let direction = DVec3::new(0.531_234, 0.612_357, 0.585_611);
+    let crosses = |t: [u32; 3]| {
+        let [a, b, c] = t.map(|v| mesh.points()[v as usize] - q);
+        let [u, v, w] = [(b, c), (c, a), (a, b)].map(|(p, q)| direction.dot(p.cross(q)));
+        let (sum, height) = (u + v + w, a.dot((b - a).cross(c - a)));
+        (u.min(v).min(w) >= 0.0 || u.max(v).max(w) <= 0.0) && sum != 0.0 && height / sum > 0.0
+    };
+    mesh.faces().iter().flat_map(fan).filter(|t| crosses(*t)).count() % 2 == 1
+}
+
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn tiny_balls_in_real_models_are_cavities_where_a_ray_says_that_they_are_inside() {
+    for file in [
+        "closed/armadillo-43243v.ply",
+        "closed/horse-48485v-inward.ply",
+        "closed/spot-2928quads.obj",
+        "closed/wingnut.obj",
+        "closed/rocker-arm.ply",
+    ] {
+        let document = read(file).unwrap();
+        let mesh = document.mesh();
+        let (bounds, volume) = (mesh.bounds().unwrap(), health(&document).volume.unwrap().total);
+        let ball = shapes::icosphere(0);
+        let (mut points, mut faces) = (mesh.points().to_vec(), mesh.faces().clone());
+        let fraction = |k: usize, step: usize| (k * step % 211) as f64 / 211.0 + 1e-3;
+        let centers: Vec<DVec3> = (1..200)
+            .map(|k| bounds.min + bounds.size() * DVec3::new(fraction(k, 1), fraction(k, 37), fraction(k, 101)))
+            .collect();
+        for center in &centers {
+            let first = points.len() as u32;
+            points.extend(ball.points().iter().map(|p| *center + *p * (1e-7 * bounds.extent())));
+            for face in ball.faces().iter() {
+                let [a, b, c] = [face[0], face[1], face[2]].map(|v| v + first);
+                faces.push(&if volume < 0.0 { [a, b, c] } else { [a, c, b] });
+            }
+        }
+        let roles = roles(&Mesh::new(points, faces).unwrap());
+        let inside: Vec<bool> = centers.iter().map(|center| is_inside(mesh, *center)).collect();
+        let found: Vec<bool> = roles[1..].iter().map(|role| *role == Role::Cavity { of: 0 }).collect();
+        assert_eq!(found, inside, "{file}");
+        let count = inside.iter().filter(|inside| **inside).count();
+        assert!((20..180).contains(&count), "{file}: {count} of {} are inside", inside.len());
+    }
 }
 
 /// The text of the header, and the bytes behind the vertices: `float x, y, z` each, as in all models that are tried here.

@@ -1,6 +1,7 @@
 //! Health of a model: what it is, its volumes, and whether they can be preserved.
 
 use crate::mesh::{Bounds, Mesh, fan};
+use crate::shells::{Role, roles};
 use crate::topology::Topology;
 use crate::volume::{OpenBoundaries, Solid, SolidError, Volumes};
 
@@ -67,10 +68,27 @@ pub struct Health {
     /// Signed volumes, virtual caps included, in the model's unit cubed: positive where faces are counter-clockwise seen
     /// from outside. None where the model bounds no body.
     pub volume: Option<Volumes>,
+    /// What each component is to the others, in the order of [`Volumes::components`]; empty where the model bounds no body.
+    pub roles: Vec<ComponentHealth>,
     /// Whether the volume can be preserved.
     pub verdict: Verdict,
     /// What a user should know, one sentence each.
     pub warnings: Vec<String>,
+}
+
+/// A component of a model.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct ComponentHealth {
+    /// Its signed volume.
+    pub volume: f64,
+    /// What it is to the others.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub role: Role,
+    /// What the cavities of a shell hold together, positive.
+    pub capacity: Option<f64>,
+    /// The volume of a shell less its cavities, positive unless they overlap.
+    pub material: Option<f64>,
 }
 
 /// Whether, and how, the volume of a model can be preserved.
@@ -125,6 +143,10 @@ impl Health {
             Ok(solid) => judged(mesh, topology, solid),
             Err(error) => (refused(error), None, vec![format!("{error}.")]),
         };
+        let roles = match (&solid, &volumes) {
+            (Ok(solid), Some(volumes)) => roles_of_components(solid, mesh, volumes),
+            _ => Vec::new(),
+        };
         warnings.splice(0..0, source.warnings.iter().cloned());
         if topology.collapsed_faces > 0 {
             warnings.push(format!("{} faces have fewer than three distinct corners.", topology.collapsed_faces));
@@ -153,6 +175,7 @@ impl Health {
             bounds: mesh.bounds().map(|Bounds { min, max }| [min.to_array(), max.to_array()]),
             area,
             volume: volumes,
+            roles,
             verdict,
             warnings,
         };
@@ -194,6 +217,15 @@ fn judged(mesh: &Mesh, topology: &Topology, solid: &Solid) -> (Verdict, Option<V
         }
     }
     (verdict, Some(volumes), warnings)
+}
+
+fn roles_of_components(solid: &Solid, mesh: &Mesh, volumes: &Volumes) -> Vec<ComponentHealth> {
+    let component = |(role, &volume): (Role, &f64)| {
+        let shell = if let Role::Shell(shell) = &role { Some(shell) } else { None };
+        let (capacity, material) = (shell.map(|s| s.capacity(volumes)), shell.map(|s| s.material(volumes)));
+        ComponentHealth { volume, role, capacity, material }
+    };
+    roles(solid, mesh.points(), volumes).into_iter().zip(&volumes.components).map(component).collect()
 }
 
 /// The area of all faces, and how many have none beyond the rounding of their corners.

@@ -365,16 +365,8 @@ pub struct ValueError {
     pub expected: &'static str,
 }
 
-/// The wanted volume. Amounts refer to the outward orientation.
-#[derive(Clone, Copy, Debug, Default, PartialEq)]
-#[cfg_attr(
-    feature = "serde",
-    derive(serde::Deserialize),
-    serde(
-        try_from = "VolumeForm",
-        expecting = "\"rest\", \"free\", a percentage such as \"120%\", a number, or { min, max }"
-    )
-)]
+/// The wanted volume, or volumes. Amounts refer to the outward orientation.
+#[derive(Clone, Debug, Default, PartialEq)]
 pub enum VolumeTarget {
     /// As at rest.
     #[default]
@@ -390,6 +382,30 @@ pub enum VolumeTarget {
         /// At most this much.
         max: Option<Amount>,
     },
+    /// Every component that encloses a volume gets this much: percent of its own rest volume, or so much each. Cavities count
+    /// positive.
+    Each(Amount),
+    /// Groups of components.
+    Parts(Vec<PartTarget>),
+    /// Of a model with cavities.
+    Hollow {
+        /// The volume of the whole model, less its cavities.
+        material: Option<Amount>,
+        /// What all cavities hold together.
+        capacity: Option<Amount>,
+    },
+}
+
+/// The wanted volume of some components together.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(deny_unknown_fields))]
+pub struct PartTarget {
+    /// The components, 0-based in the order of their first faces, each once: as [`Volumes::components`] has them.
+    ///
+    /// [`Volumes::components`]: crate::Volumes::components
+    pub components: Vec<usize>,
+    /// The sum of their signed volumes; a group whose sum is negative at rest (cavities) is counted positive: what it holds.
+    pub volume: Amount,
 }
 
 /// A volume.
@@ -441,20 +457,44 @@ impl FromStr for Amount {
 impl FromStr for VolumeTarget {
     type Err = ValueError;
 
-    /// `rest`, `free`, `120%`, `0.5`, or a range: `95%..105%`, `95%..`, `..0.5`.
+    /// `rest`, `free`, `120%`, `0.5`, a range: `95%..105%`, `95%..`, `..0.5`; `each`, `each=110%`; `material=100%`,
+    /// `capacity=110%`, or both with a comma.
     fn from_str(text: &str) -> Result<Self, ValueError> {
         if let Some((min, max)) = text.split_once("..") {
             let end = |text: &str| if text.trim().is_empty() { Ok(None) } else { text.parse().map(Some) };
             return Self::range(end(min)?, end(max)?);
         }
+        let unknown = || ValueError {
+            what: "volume",
+            value: text.into(),
+            expected: "\"rest\", \"free\", a percentage such as \"120%\", a number above 0, a range { min, max }, \"each\", or \
+                       for several volumes { each }, { parts }, { material, capacity }",
+        };
         match text.trim() {
             "rest" => Ok(Self::Rest),
             "free" => Ok(Self::Free),
-            amount => amount.parse().map(Self::Amount).map_err(|_: ValueError| ValueError {
-                what: "volume",
-                value: text.into(),
-                expected: "\"rest\", \"free\", a percentage such as \"120%\", a number above 0, or a range { min, max }",
-            }),
+            "each" => Ok(Self::Each(Amount::Percent(100.0))),
+            words if words.contains('=') => {
+                let (mut each, mut material, mut capacity) = (None, None, None);
+                for word in words.split(',') {
+                    let (name, amount) = word.split_once('=').ok_or_else(unknown)?;
+                    let place = match name.trim() {
+                        "each" => &mut each,
+                        "material" => &mut material,
+                        "capacity" => &mut capacity,
+                        _ => return Err(unknown()),
+                    };
+                    if place.replace(amount.parse()?).is_some() {
+                        return Err(unknown());
+                    }
+                }
+                match (each, material, capacity) {
+                    (Some(each), None, None) => Ok(Self::Each(each)),
+                    (Some(_), ..) => Err(unknown()),
+                    (None, material, capacity) => Ok(Self::Hollow { material, capacity }),
+                }
+            }
+            amount => amount.parse().map(Self::Amount).map_err(|_: ValueError| unknown()),
         }
     }
 }
@@ -462,12 +502,8 @@ impl FromStr for VolumeTarget {
 impl VolumeTarget {
     fn range(min: Option<Amount>, max: Option<Amount>) -> Result<Self, ValueError> {
         if min.is_none() && max.is_none() {
-            let value = "{}".into();
-            return Err(ValueError {
-                what: "a range of volumes",
-                value,
-                expected: "{ min, max }, at least one of them",
-            });
+            let (what, value) = ("a range of volumes", "..".into());
+            return Err(ValueError { what, value, expected: "{ min, max }, at least one of them" });
         }
         Ok(Self::Range { min, max })
     }
@@ -493,35 +529,105 @@ impl TryFrom<AmountForm> for Amount {
     }
 }
 
+/// How volumes stand in a job file: a number, a text, or a table.
 #[cfg(feature = "serde")]
-#[derive(serde::Deserialize)]
-#[serde(
-    untagged,
-    expecting = "volume is \"rest\", \"free\", a percentage such as \"120%\", a number above 0, or { min, max }"
-)]
-enum VolumeForm {
-    Number(f64),
-    Text(String),
-    Range(RangeForm),
-}
+mod volume_form {
+    use std::fmt;
 
-#[cfg(feature = "serde")]
-#[derive(serde::Deserialize)]
-#[serde(deny_unknown_fields)]
-struct RangeForm {
-    min: Option<Amount>,
-    max: Option<Amount>,
-}
+    use serde::de::value::MapAccessDeserializer;
+    use serde::de::{Error, MapAccess, Visitor};
+    use serde::{Deserialize, Deserializer};
 
-#[cfg(feature = "serde")]
-impl TryFrom<VolumeForm> for VolumeTarget {
-    type Error = ValueError;
+    use super::{Amount, PartTarget, ValueError, VolumeTarget};
 
-    fn try_from(form: VolumeForm) -> Result<Self, ValueError> {
-        match form {
-            VolumeForm::Number(volume) => Amount::try_from(AmountForm::Number(volume)).map(Self::Amount),
-            VolumeForm::Text(text) => text.parse(),
-            VolumeForm::Range(RangeForm { min, max }) => Self::range(min, max),
+    #[derive(Deserialize)]
+    #[serde(deny_unknown_fields)]
+    struct Table {
+        min: Option<Amount>,
+        max: Option<Amount>,
+        each: Option<Amount>,
+        parts: Option<Vec<PartTarget>>,
+        material: Option<Amount>,
+        capacity: Option<Amount>,
+    }
+
+    impl TryFrom<Table> for VolumeTarget {
+        type Error = ValueError;
+
+        fn try_from(table: Table) -> Result<Self, ValueError> {
+            let given = [
+                ("min", table.min.is_some()),
+                ("max", table.max.is_some()),
+                ("each", table.each.is_some()),
+                ("parts", table.parts.is_some()),
+                ("material", table.material.is_some()),
+                ("capacity", table.capacity.is_some()),
+            ];
+            match table {
+                Table { min, max, each: None, parts: None, material: None, capacity: None }
+                    if min.is_some() || max.is_some() =>
+                {
+                    Ok(Self::Range { min, max })
+                }
+                Table { min: None, max: None, each: Some(each), parts: None, material: None, capacity: None } => {
+                    Ok(Self::Each(each))
+                }
+                Table { min: None, max: None, each: None, parts: Some(parts), material: None, capacity: None } => {
+                    Ok(Self::Parts(parts))
+                }
+                Table { min: None, max: None, each: None, parts: None, material, capacity }
+                    if material.is_some() || capacity.is_some() =>
+                {
+                    Ok(Self::Hollow { material, capacity })
+                }
+                _ => {
+                    let keys: Vec<&str> = given.iter().filter(|(_, given)| *given).map(|(key, _)| *key).collect();
+                    Err(ValueError {
+                        what: "volume",
+                        value: format!("{{ {} }}", keys.join(", ")).replace("{  }", "{}"),
+                        expected: "{ min, max }, { each }, { parts }, or { material, capacity }, one of these",
+                    })
+                }
+            }
+        }
+    }
+
+    impl<'de> Deserialize<'de> for VolumeTarget {
+        fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
+            struct FormVisitor;
+            impl<'de> Visitor<'de> for FormVisitor {
+                type Value = VolumeTarget;
+
+                fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
+                    f.write_str(
+                        "\"rest\", \"free\", \"each\", a percentage such as \"120%\", a number above 0, { min, max }, { each }, \
+                         { parts }, or { material, capacity }",
+                    )
+                }
+
+                fn visit_f64<E: Error>(self, volume: f64) -> Result<VolumeTarget, E> {
+                    let amount = Amount::Absolute(volume).checked(|| volume.to_string());
+                    amount.map(VolumeTarget::Amount).map_err(E::custom)
+                }
+
+                fn visit_i64<E: Error>(self, volume: i64) -> Result<VolumeTarget, E> {
+                    self.visit_f64(volume as f64)
+                }
+
+                fn visit_u64<E: Error>(self, volume: u64) -> Result<VolumeTarget, E> {
+                    self.visit_f64(volume as f64)
+                }
+
+                fn visit_str<E: Error>(self, text: &str) -> Result<VolumeTarget, E> {
+                    text.parse().map_err(E::custom)
+                }
+
+                fn visit_map<A: MapAccess<'de>>(self, table: A) -> Result<VolumeTarget, A::Error> {
+                    let table = Table::deserialize(MapAccessDeserializer::new(table))?;
+                    table.try_into().map_err(A::Error::custom)
+                }
+            }
+            from.deserialize_any(FormVisitor)
         }
     }
 }

@@ -65,7 +65,7 @@ fn nearest(message: &str) -> Option<String> {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::job::{Amount, Preserve, VolumeTarget};
+    use crate::job::{Amount, PartTarget, Preserve, VolumeTarget};
 
     fn volume(text: &str) -> Result<VolumeTarget, JobTextError> {
         Job::from_toml(&format!("[preserve]\nvolume = {text}")).map(|job| job.preserve.volume)
@@ -79,10 +79,58 @@ mod tests {
         assert_eq!(volume("0.25"), Ok(VolumeTarget::Amount(Amount::Absolute(0.25))));
         assert_eq!(volume("2"), Ok(VolumeTarget::Amount(Amount::Absolute(2.0))));
         let range = VolumeTarget::Range { min: Some(Amount::Percent(95.0)), max: Some(Amount::Absolute(3.0)) };
-        assert_eq!(volume("{ min = \"95%\", max = 3.0 }"), Ok(range));
+        assert_eq!(volume("{ min = \"95%\", max = 3.0 }"), Ok(range.clone()));
         assert_eq!("95%..3".parse(), Ok(range));
         for bad in ["-1", "0", "\"-5%\"", "nan", "\"much\"", "{}", "{ least = 1 }", "[1]"] {
             assert!(volume(bad).is_err(), "{bad}");
+        }
+    }
+
+    #[test]
+    fn several_volumes_in_all_their_forms() {
+        let percent = Amount::Percent;
+        assert_eq!(volume("\"each\""), Ok(VolumeTarget::Each(percent(100.0))));
+        assert_eq!(volume("{ each = \"110%\" }"), Ok(VolumeTarget::Each(percent(110.0))));
+        assert_eq!("each=0.5".parse(), Ok(VolumeTarget::Each(Amount::Absolute(0.5))));
+        let part = |components: &[usize], volume| PartTarget { components: components.to_vec(), volume };
+        assert_eq!(
+            volume("{ parts = [{ components = [0, 2], volume = \"110%\" }, { components = [0], volume = 2 }] }"),
+            Ok(VolumeTarget::Parts(vec![part(&[0, 2], percent(110.0)), part(&[0], Amount::Absolute(2.0))]))
+        );
+        let hollow = |material, capacity| Ok(VolumeTarget::Hollow { material, capacity });
+        let both = hollow(Some(percent(100.0)), Some(percent(110.0)));
+        assert_eq!(volume("{ material = \"100%\", capacity = \"110%\" }"), both);
+        assert_eq!(volume("\"material=100%,capacity=110%\""), both);
+        assert_eq!(volume("\" capacity = 110% , material = 100% \""), both);
+        assert_eq!(volume("{ material = 3 }"), hollow(Some(Amount::Absolute(3.0)), None));
+        assert_eq!("capacity=3".parse().map_err(|_| ()), hollow(None, Some(Amount::Absolute(3.0))).map_err(|_| ()));
+        let json = r#"{ "preserve": { "volume": { "parts": [{ "components": [1], "volume": 0.5 }] } } }"#;
+        let parts = VolumeTarget::Parts(vec![part(&[1], Amount::Absolute(0.5))]);
+        assert_eq!(Job::from_json(json).map(|job| job.preserve.volume), Ok(parts));
+        let json = |volume: &str| Job::from_json(&format!("{{ \"preserve\": {{ \"volume\": {volume} }} }}"));
+        assert_eq!(json("2").map(|job| job.preserve.volume), Ok(VolumeTarget::Amount(Amount::Absolute(2.0))));
+        for (bad, fragment) in [
+            ("{ each = 0 }", "more than 0"),
+            ("{ each = \"much\" }", "more than 0"),
+            ("{ each = 1, min = 2 }", "{ min, each }"),
+            ("{ each = 1, capacity = 2 }", "one of these"),
+            ("{ parts = 1 }", "expected a sequence"),
+            ("{ parts = [{ components = [0] }] }", "missing field `volume`"),
+            ("{ parts = [{ components = [-1], volume = 1 }] }", "-1"),
+            ("{ parts = [{ components = 0, volume = 1 }] }", "expected a sequence"),
+            ("{ parts = [{ componets = [0], volume = 1 }] }", "did you mean `components`?"),
+            ("{ materials = 1 }", "did you mean `material`?"),
+            ("{}", "{ min, max }"),
+            ("\"each=\"", "more than 0"),
+            ("\"each=1,each=1\"", "cannot be"),
+            ("\"each=1,capacity=1\"", "cannot be"),
+            ("\"capacity\"", "cannot be"),
+            ("\"volume=1\"", "cannot be"),
+            ("true", "\"each\""),
+        ] {
+            let error = volume(bad).unwrap_err();
+            assert!(error.to_string().contains(fragment), "{bad}: {error}");
+            assert_eq!(error.line, Some(2), "{bad}");
         }
     }
 

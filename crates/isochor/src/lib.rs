@@ -100,6 +100,7 @@ mod rows;
 mod select;
 mod sensitivity;
 pub mod shapes;
+mod shells;
 pub mod tolerances;
 mod topology;
 mod volume;
@@ -113,10 +114,11 @@ pub use edit::{
 };
 pub use energy::Energy;
 pub use goals::{Components, VolumeGoal};
-pub use health::{Health, Source, Verdict};
+pub use health::{ComponentHealth, Health, Source, Verdict};
 pub use job::{
     Amount, AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots, LatticeRequest,
-    MethodKind, MobilityKind, Objective, PerAxis, PointRequest, Precision, Preserve, ValueError, VolumeTarget,
+    MethodKind, MobilityKind, Objective, PartTarget, PerAxis, PointRequest, Precision, Preserve, ValueError,
+    VolumeTarget,
 };
 #[cfg(feature = "serde")]
 pub use job_text::JobTextError;
@@ -125,9 +127,10 @@ pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{JobError, JobInput, Outcome, PosedLattice, Stage};
 pub use points::PointTarget;
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
-pub use report::{CorrectionReport, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
+pub use report::{CorrectionReport, PartRow, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
 pub use select::{ControlSpace, SelectError, Selector};
 pub use sensitivity::{Cause, Effect, Sensitivity};
+pub use shells::{Role, Shell, roles};
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 

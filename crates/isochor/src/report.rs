@@ -34,6 +34,20 @@ pub struct VolumeReport {
     pub overall: VolumeRow,
     /// Of each component, in the order of its first face; a cavity is negative.
     pub components: Vec<VolumeRow>,
+    /// Where volumes of parts of the model were asked for: each of them, in the order in which they were asked for, cavities
+    /// counted positive.
+    pub parts: Vec<PartRow>,
+}
+
+/// The volume of some components together.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct PartRow {
+    /// The components.
+    pub components: Vec<usize>,
+    /// Their volume: what they hold, if they are cavities.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub row: VolumeRow,
 }
 
 /// The volume of a body on its way through a job.
@@ -53,6 +67,14 @@ pub struct VolumeRow {
     pub written: Option<f64>,
     /// `|final − target| / |target|`.
     pub relative_error: Option<f64>,
+}
+
+impl VolumeRow {
+    /// Adds what was asked of it.
+    pub(crate) fn aim(&mut self, target: f64) {
+        self.target = Some(target);
+        self.relative_error = Some(((self.corrected - target) / target).abs());
+    }
 }
 
 /// What the correction did. Displacements are those of the vertices, model units; relative ones in extents.

@@ -125,14 +125,19 @@ pub fn icosphere(levels: usize) -> Mesh {
 pub fn hollow_sphere(levels: usize, inner: f64) -> Mesh {
     assert!(inner > 0.0 && inner < 1.0, "the cavity has a radius between 0 and 1, not {inner}");
     let outer = icosphere(levels);
-    let count = outer.points().len() as u32;
-    let mut points = outer.points().to_vec();
-    points.extend(outer.points().iter().map(|p| inner * p));
+    let cavity = outer.points().iter().map(|p| inner * p).collect();
+    hollowed(&outer, &solid(cavity, outer.faces().clone()))
+}
+
+/// `outer` with the cavity `inner`, whose faces are turned inwards, each fanned from the same corner as before.
+fn hollowed(outer: &Mesh, inner: &Mesh) -> Mesh {
+    let first = outer.points().len() as u32;
     let mut faces = outer.faces().clone();
-    for face in outer.faces().iter() {
-        faces.push(&[face[0] + count, face[2] + count, face[1] + count]);
+    for face in inner.faces().iter() {
+        let corners = face[..1].iter().chain(face[1..].iter().rev());
+        faces.push(&corners.map(|v| v + first).collect::<Vec<_>>());
     }
-    solid(points, faces)
+    solid([outer.points(), inner.points()].concat(), faces)
 }
 
 /// A torus round the z-axis: `nu` sections round it, each a regular polygon of `nv` corners. nu·nv vertices, 2·nu·nv
@@ -187,13 +192,35 @@ pub fn cylinder(radius: f64, height: f64, segments: usize, rings: usize) -> Mesh
 /// Panics where `segments` is less than 3 or `rings` is 0.
 #[must_use]
 pub fn bottle(segments: usize, rings: usize) -> Mesh {
+    revolved(&bottle_profile(rings), segments)
+}
+
+/// [`bottle`] as a closed shell of a thickness `wall`: a second component, inside out, is its cavity. Each ring of the bottle,
+/// of radius ρ at height z, has a ring of radius ρ − wall at height `1.5 + (z − 1.5) (1 − 2 wall/3)` within, so floor and lid
+/// are `wall` thick, and sides are so at their corners, measured across the axis. Twice the vertices and faces of the bottle. Capacity:
+/// `segments/2 sin(2π/segments) Σ h (ρ² + ρσ + σ²) / 3` over the inner rows; the volume is that of the bottle less the capacity.
+///
+/// # Panics
+///
+/// Panics where `wall` is not between 0 and 0.3, the radius of the neck, `segments` is less than 3 or `rings` is 0.
+#[must_use]
+pub fn hollow_bottle(segments: usize, rings: usize, wall: f64) -> Mesh {
+    assert!(wall > 0.0 && wall < 0.3, "the wall of a bottle is between 0 and 0.3 thick, not {wall}");
+    let profile = bottle_profile(rings);
+    let inner: Vec<[f64; 2]> =
+        profile.iter().map(|[radius, z]| [radius - wall, 1.5 + (z - 1.5) * (1.0 - 2.0 * wall / 3.0)]).collect();
+    hollowed(&revolved(&profile, segments), &revolved(&inner, segments))
+}
+
+/// The rings of [`bottle`], each [radius, z].
+fn bottle_profile(rings: usize) -> Vec<[f64; 2]> {
     assert!(rings > 0, "a bottle needs at least 1 ring");
     let ring = |r: usize| {
         let z = 3.0 * (r as f64 / rings as f64);
         let t = ((z - 1.5) / 0.75).clamp(0.0, 1.0);
         [0.8 - 0.5 * t * t * (3.0 - 2.0 * t), z]
     };
-    revolved(&(0..=rings).map(ring).collect::<Vec<_>>(), segments)
+    (0..=rings).map(ring).collect()
 }
 
 /// The solid round the z-axis between the rings of `profile`, each [radius, z], z ascending.

@@ -45,6 +45,19 @@ pub const KKT_ENOUGH: f64 = 1e-10;
 /// than of the energy; smaller: what the energy does not feel moves far for little.
 pub const ENERGY_FLOOR: f64 = 1e-6;
 
+/// A winding number counts where it is within this distance of a whole number. Larger: a point on a sharp corner passes for one
+/// outside; smaller: the rounding of a sum over millions of triangles makes clear answers unclear.
+pub const WINDING: f64 = 1e-6;
+
+/// A triangle touches a point where sine and cosine of half its solid angle, over the product of the distances of its corners,
+/// say so to this precision. Larger: points near a surface say nothing; smaller: the rounding of a point on the surface
+/// decides on which side it is.
+pub const TOUCHES: f64 = 1e-9;
+
+/// So many clear answers decide whether one component lies inside another. Larger: it takes longer; smaller: one triangle
+/// that sticks out decides.
+pub const CLEAR_ANSWERS: usize = 3;
+
 /// A lattice frame whose volume is below this fraction of the product of its edge lengths is degenerate. Larger: strongly
 /// sheared frames are refused; smaller: parameters lose all their digits.
 pub const FLAT_FRAME: f64 = 1e-9;

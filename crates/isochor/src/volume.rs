@@ -516,6 +516,16 @@ impl Solid {
         }
         Cow::Owned(near)
     }
+
+    /// Triangles of component `c`, caps included; their indices from the number of vertices on are apexes of caps.
+    pub(crate) fn triangles_of(&self, c: usize) -> &[[u32; 3]] {
+        &self.triangles[self.components[c].clone()]
+    }
+
+    /// The points relative to an origin near them, followed by the apexes of the caps.
+    pub(crate) fn points_with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
+        self.near_with_apexes(points)
+    }
 }
 
 /// `(b − a) × (c − a)`: twice the area vector of a triangle.

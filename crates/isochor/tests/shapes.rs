@@ -3,8 +3,8 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
-use isochor::shapes::{bottle, cube, cylinder, hollow_sphere, icosphere, plate, uv_torus};
-use isochor::{Mesh, OpenBoundaries, Solid, topology};
+use isochor::shapes::{bottle, cube, cylinder, hollow_bottle, hollow_sphere, icosphere, plate, uv_torus};
+use isochor::{Mesh, OpenBoundaries, Role, Solid, roles, topology};
 
 /// Relative error of volumes: coordinates are rounded once or twice.
 const ROUNDING: f64 = 1e-13;
@@ -91,24 +91,63 @@ fn cylinders_are_prisms() {
     }
 }
 
+/// Radius of the bottle at height z.
+fn bottle_radius(z: f64) -> f64 {
+    match z {
+        z if z <= 1.5 => 0.8,
+        z if z >= 2.25 => 0.3,
+        z => {
+            let t = (z - 1.5) / 0.75;
+            0.8 - 0.5 * (3.0 * t * t - 2.0 * t * t * t)
+        }
+    }
+}
+
+/// Volume of frusta of equal height one upon another, over a regular polygon; `less` is taken off all radii of the bottle.
+fn bottle_volume(segments: usize, rings: usize, height: f64, less: f64) -> f64 {
+    let frustum = |r: usize| {
+        let [a, b] = [r, r + 1].map(|r| bottle_radius(3.0 * r as f64 / rings as f64) - less);
+        height / rings as f64 * (a * a + a * b + b * b) / 3.0
+    };
+    polygon_area(segments) * (0..rings).map(frustum).sum::<f64>()
+}
+
 #[test]
 fn bottles_are_stacks_of_frusta() {
     for (segments, rings) in [(3, 1), (32, 30), (64, 100)] {
-        let radius = |z: f64| match z {
-            z if z <= 1.5 => 0.8,
-            z if z >= 2.25 => 0.3,
-            z => {
-                let t = (z - 1.5) / 0.75;
-                0.8 - 0.5 * (3.0 * t * t - 2.0 * t * t * t)
-            }
-        };
-        let height = 3.0 / rings as f64;
-        let frustum = |r: usize| {
-            let [a, b] = [r, r + 1].map(|r| radius(height * r as f64));
-            height * (a * a + a * b + b * b) / 3.0
-        };
         let volume = checked_volume(&bottle(segments, rings), segments * (rings + 1) + 2, segments * (rings + 2), 1, 0);
-        assert_volume(volume, polygon_area(segments) * (0..rings).map(frustum).sum::<f64>());
+        assert_volume(volume, bottle_volume(segments, rings, 3.0, 0.0));
+    }
+}
+
+#[test]
+fn hollow_bottles_are_frusta_less_frusta() {
+    for (segments, rings, wall) in [(3, 1, 0.1), (5, 2, 0.29), (7, 3, 0.2), (32, 30, 0.05), (64, 100, 0.01)] {
+        let mesh = hollow_bottle(segments, rings, wall);
+        let material = checked_volume(&mesh, 2 * (segments * (rings + 1) + 2), 2 * segments * (rings + 2), 2, 0);
+        let outer = bottle_volume(segments, rings, 3.0, 0.0);
+        let capacity = bottle_volume(segments, rings, 3.0 - 2.0 * wall, wall);
+        assert_volume(material, outer - capacity);
+        let solid = Solid::new(&mesh, &topology(&mesh), OpenBoundaries::Refuse).unwrap();
+        let volumes = solid.volumes(mesh.points());
+        assert_volume(volumes.components[0], outer);
+        assert_volume(volumes.components[1], -capacity);
+
+        let roles = roles(&solid, mesh.points(), &volumes);
+        let Role::Shell(shell) = &roles[0] else { panic!("{roles:?}") };
+        assert_eq!((&shell.cavities, &roles[1]), (&vec![1], &Role::Cavity { of: 0 }));
+        assert_volume(shell.capacity(&volumes), capacity);
+        assert_volume(shell.material(&volumes), outer - capacity);
+        // The corners of the cavity stand at the angles of the outer ones, nearer to the axis than the side there.
+        let side = |z: f64| {
+            let at = z / 3.0 * rings as f64;
+            let [a, b] = [at.floor(), at.floor() + 1.0].map(|r| bottle_radius(3.0 * r / rings as f64));
+            a + (b - a) * at.fract()
+        };
+        for p in &mesh.points()[mesh.points().len() / 2..] {
+            assert!(p.z > 0.99 * wall && p.z < 3.0 - 0.99 * wall, "{p}");
+            assert!(p.truncate().length() < side(p.z) - 0.1 * wall, "{p}");
+        }
     }
 }
 
@@ -134,4 +173,10 @@ fn a_flat_cylinder_is_refused() {
 #[should_panic(expected = "the cavity has a radius between 0 and 1, not NaN")]
 fn a_cavity_without_size_is_refused() {
     let _ = hollow_sphere(0, f64::NAN);
+}
+
+#[test]
+#[should_panic(expected = "the wall of a bottle is between 0 and 0.3 thick, not 0.3")]
+fn a_wall_without_room_is_refused() {
+    let _ = hollow_bottle(8, 8, 0.3);
 }
