@@ -33,6 +33,15 @@ pub struct Binding {
     kept: usize,
 }
 
+/// The vertices of a model at rest, and how they follow the controls.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoundVertices<'a> {
+    /// Rest positions P⁰ (#vertices × 3).
+    pub rest: &'a [DVec3],
+    /// W (#vertices × #controls).
+    pub binding: &'a Binding,
+}
+
 /// Most partial sums of an adjoint. More: better balance between many threads; fewer: less memory.
 const PARTS: usize = 32;
 

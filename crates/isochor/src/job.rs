@@ -276,7 +276,7 @@ pub struct Falloff {
 
 /// A vertex that must come to an exact place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct PointRequest {
     /// The vertex, 0-based in file order (STL: distinct corners in order of appearance).
     pub vertex: usize,

@@ -75,6 +75,7 @@ mod binding;
 mod bspline;
 mod correct;
 mod double;
+mod drag;
 mod edit;
 #[cfg(feature = "serde")]
 mod exact;
@@ -97,9 +98,10 @@ pub mod tolerances;
 mod topology;
 mod volume;
 
-pub use binding::{Binding, displaced};
+pub use binding::{Binding, BoundVertices, displaced};
 pub use bspline::{Basis, BasisError, MAX_SIZE};
 pub use correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, correct};
+pub use drag::{Drag, DragError};
 pub use edit::{
     Axis, Bend, Edit, EditError, Factors, LengthUnit, Move, Noise, Rotate, RotationAxis, Scale, SignedAxis, Stretch,
     Taper, Twist,
@@ -114,7 +116,7 @@ pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{JobError, JobInput, Outcome, PosedLattice, Stage};
-pub use points::PointTarget;
+pub use points::{PointError, PointTarget, least_displacement};
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use report::{CorrectionReport, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
 pub use select::{ControlSpace, SelectError, Selector};
