@@ -170,6 +170,9 @@ pub struct DeformArgs {
     /// Control points that the correction does not move: all, k=0, "i=0,5 k=2".
     #[arg(long, value_name = "NODES", help_heading = "Volume")]
     pub pin: Option<String>,
+    /// Where the correction happens: everywhere, or where volume was lost.
+    #[arg(long, value_enum, help_heading = "Volume")]
+    pub mobility: Option<MobilityArg>,
     /// Correct near a vertex only: its number and a radius in extents, 1204:0.3.
     #[arg(long, value_name = "VERTEX:RADIUS", help_heading = "Volume")]
     pub falloff: Option<String>,
@@ -227,6 +230,14 @@ pub enum MethodArg {
     Gradient,
     /// One direction after the other.
     Axes,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum MobilityArg {
+    /// Everywhere alike.
+    Uniform,
+    /// The more, the more volume was lost.
+    Auto,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -423,6 +423,8 @@ fn flags_change_the_result() {
         "--pin k=0",
         "--pin 'i=0,5 k=2'",
         "--falloff 0:0.3",
+        "--mobility auto",
+        "--mobility auto --pin k=0",
     ] {
         let report = folder.report(&format!("{TWIST} -o out.obj {flags}"));
         if flags != "--preserve free" {
@@ -449,6 +451,7 @@ fn defaults_spelled_out_change_nothing() {
         "--method nearest",
         "--volume rest",
         "--volume 100%",
+        "--mobility uniform",
         "--open cap",
         "--open refuse",
         "--precision file",
@@ -622,6 +625,27 @@ fn dragged_vertices_stay_where_they_were_put() {
     folder.report(&format!("cube.obj -o ab.obj --preserve free {} --stretch z=0.5", drag(place)));
     folder.report(&format!("cube.obj -o ba.obj --preserve free --stretch z=0.5 {}", drag(place)));
     assert!(farthest(&folder.points("ab.obj"), &folder.points("ba.obj")) > 0.01);
+}
+
+#[test]
+fn automatic_mobility_leaves_what_lost_nothing_alone() {
+    let folder = Folder::new();
+    let report = folder.report("cube.obj -o out.obj --move k=5:0,0,-0.4 --mobility auto --save-controls out.json");
+    assert!(number(&report, "relative_error") <= 1e-13 && number(&report, "posed") < 0.9, "{report}");
+    // Of three cubic cells the uppermost alone was deformed; it has layers 2 to 5.
+    let lattice = folder.json("out.json");
+    let mut layers = [0; 6];
+    for i in 0..6 {
+        for j in 0..6 {
+            for (k, moved) in layers.iter_mut().enumerate() {
+                *moved += usize::from(lattice["rest"][i][j][k] != lattice["posed"][i][j][k]);
+            }
+        }
+    }
+    // Control points inside move no vertex of the cube's surface.
+    assert_eq!(layers, [0, 0, 20, 20, 20, 36]);
+    let bottom = folder.points("cube.obj").into_iter().zip(folder.points("out.obj")).filter(|(rest, _)| rest.z == 0.0);
+    assert!(bottom.clone().count() > 9 && bottom.clone().all(|(rest, out)| rest == out));
 }
 
 #[test]
@@ -839,6 +863,11 @@ fn requests_that_cannot_be_met_end_with_1_and_write_nothing() {
     for (line, code, fragment) in [
         ("deform cube.obj -o out.obj --twist z=90 --pin all", "impossible", "pinned"),
         ("deform cube.obj -o out.obj --volume 2 --job away.toml", "impossible", "inside the lattice"),
+        (
+            "deform cube.obj -o out.obj --move k=5:0,0,-0.4 --mobility auto --pin k=2,3,4,5",
+            "impossible",
+            "only control points where volume was lost",
+        ),
         ("deform cube.obj -o out.obj --scale -1 --preserve gradient", "impossible", "turns back"),
         ("deform ball.ply -o out.ply --margin -0.1 --outside refuse", "outside", "vertices are outside"),
         ("deform open.obj -o out.obj --twist z=90 --open refuse", "open", "4 boundary edges"),
@@ -967,6 +996,7 @@ fn bad_usage_ends_with_2_and_writes_nothing() {
         ("deform cube.obj -o out.obj --pin top", "--pin"),
         ("deform cube.obj -o out.obj --pin 'k=0 k=1'", "twice"),
         ("deform cube.obj -o out.obj --falloff 0.3", "--falloff"),
+        ("deform cube.obj -o out.obj --mobility some", "some"),
         ("deform cube.obj -o out.obj --falloff=-1:0.3", "--falloff"),
         ("deform cube.obj -o out.obj --lattice-file controls.json --lattice 4", "--lattice-file"),
     ] {

@@ -253,6 +253,8 @@ pub enum MobilityKind {
     /// 1 everywhere, or what the lattice file says.
     #[default]
     Uniform,
+    /// The more, the more volume was lost: [`local_mobility`](crate::local_mobility), times what the lattice file says.
+    Auto,
 }
 
 /// Whether foldings are looked for.

@@ -85,6 +85,7 @@ mod job;
 #[cfg(feature = "serde")]
 mod job_text;
 mod lattice;
+mod locality;
 mod mesh;
 mod nearest;
 mod outcome;
@@ -114,6 +115,7 @@ pub use job::{
 #[cfg(feature = "serde")]
 pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
+pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{JobError, JobInput, Outcome, PosedLattice, Stage};
 pub use points::{PointError, PointTarget, least_displacement};

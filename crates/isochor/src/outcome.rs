@@ -11,10 +11,11 @@ use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Reason, Status,
 use crate::edit::{Edit, EditError};
 use crate::health::{Health, Source};
 use crate::job::{
-    AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, LatticeRequest, MethodKind, PointRequest,
-    Preserve, VolumeTarget,
+    AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, LatticeRequest, MethodKind, MobilityKind,
+    PointRequest, Preserve, VolumeTarget,
 };
 use crate::lattice::{Frame, Lattice, LatticeError, Outside};
+use crate::locality::{LocalityOptions, local_mobility};
 use crate::mesh::{Bounds, Mesh};
 use crate::points::PointTarget;
 use crate::report::{CorrectionReport, Report, Stopwatch, VolumeReport, VolumeRow};
@@ -129,6 +130,9 @@ pub enum JobError {
     /// The correction is impossible.
     #[error(transparent)]
     Correct(#[from] CorrectError),
+    /// The correction is impossible with the controls that the mobility "auto" lets move.
+    #[error("with mobility \"auto\" only control points where volume was lost can move: {0}")]
+    Local(CorrectError),
     /// A dragged vertex cannot be at its target after the correction.
     #[error(
         "edit {}: drag: vertex {vertex} misses its target by {by:.3e} whatever the correction does, given the other points, the \
@@ -172,8 +176,8 @@ pub enum JobError {
 }
 
 impl JobError {
-    /// Of a correction that was to bring points to their places.
-    fn of_correction(error: CorrectError, points: &[WantedPoint]) -> Self {
+    /// Of a correction that was to bring points to their places, with mobilities "auto" if it `is_local`.
+    fn of_correction(error: CorrectError, points: &[WantedPoint], is_local: bool) -> Self {
         if let CorrectError::Impossible {
             reason: Reason::Contradiction { point, by } | Reason::OffAxes { point, by },
             ..
@@ -182,7 +186,14 @@ impl JobError {
         {
             return Self::Dragged { index, vertex, by };
         }
-        Self::Correct(error)
+        match error {
+            CorrectError::Impossible { reason: Reason::Pinned | Reason::Dead | Reason::Turns { .. }, .. }
+                if is_local =>
+            {
+                Self::Local(error)
+            }
+            _ => Self::Correct(error),
+        }
     }
 
     /// Whether the request is sound but cannot be met; otherwise the input is bad.
@@ -198,6 +209,7 @@ impl JobError {
                     | Self::NoVolume { .. }
                     | Self::NotConverged { .. }
                     | Self::Dragged { .. }
+                    | Self::Local(_)
             ),
         }
     }
@@ -214,7 +226,7 @@ impl JobError {
             Self::Solid(SolidError::Open { .. }) => "open",
             Self::Solid(SolidError::Winding { .. }) => "winding",
             Self::Solid(_) | Self::NoVolume { .. } => "no-volume",
-            Self::Correct(CorrectError::Impossible { .. }) | Self::Dragged { .. } => "impossible",
+            Self::Correct(CorrectError::Impossible { .. }) | Self::Dragged { .. } | Self::Local(_) => "impossible",
             Self::Correct(_) => "correct",
             Self::NotConverged { .. } => "not-converged",
             Self::Value { .. } => "value",
@@ -236,6 +248,7 @@ impl JobError {
                 reason: Reason::Contradiction { point, .. } | Reason::OffAxes { point, .. },
                 ..
             }) => format!("preserve.points[{point}]"),
+            Self::Local(_) => "preserve.mobility".into(),
             Self::Correct(_) => "preserve".into(),
             Self::NotConverged { .. } => "preserve.method".into(),
             Self::Value { key, .. } | Self::MissingVertex { key, .. } => (*key).into(),
@@ -266,6 +279,7 @@ impl JobError {
             Self::Dragged { .. } => {
                 "free more controls, leave out points that contradict it, or drag the vertex elsewhere"
             }
+            Self::Local(_) => "choose mobility = \"uniform\", or pin less",
             Self::Correct(_) => "correct the named value",
             Self::NotConverged { .. } => "choose the method \"gradient\", or ask for less change",
             Self::Value { .. } => "correct or leave out the key",
@@ -368,17 +382,25 @@ impl Job {
             let (method, coordinates) = self.method()?;
             let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
             mobility.iter_mut().for_each(|m| *m *= coordinates);
+            let posed_volumes = body.solid.volumes(&points);
+            let target = target_volume(&self.preserve.volume, &body, &posed_volumes)?;
+            let is_local = self.preserve.mobility == MobilityKind::Auto;
+            if is_local {
+                let rest = body.rest.total * body.orientation;
+                let (posed, wanted) = (posed_volumes.total / body.rest.total, target / rest);
+                let options = LocalityOptions { vertices: &rest_points, outside, posed, wanted };
+                let local = local_mobility(&controls.lattice, &displacement, &options);
+                mobility.iter_mut().zip(local).for_each(|(m, local)| *m *= local);
+            }
             let wanted = self.wanted_points();
             let options = CorrectOptions {
                 method,
                 mobility: Some(mobility),
                 points: self.points(&wanted, &binding, &points, origin)?,
             };
-            let posed_volumes = body.solid.volumes(&points);
-            let target = target_volume(&self.preserve.volume, &body, &posed_volumes)?;
             let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
             let corrected = correct(&pose, target * body.orientation, &options)
-                .map_err(|error| JobError::of_correction(error.oriented(body.orientation), &wanted))?;
+                .map_err(|error| JobError::of_correction(error.oriented(body.orientation), &wanted, is_local))?;
             if let (Status::NotNearest, Some(residual)) = (corrected.status, corrected.residual) {
                 return Err(JobError::NotConverged { residual, limit: tolerances::KKT_ENOUGH });
             }
