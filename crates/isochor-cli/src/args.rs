@@ -148,6 +148,9 @@ pub struct DeformArgs {
     /// Move every coordinate at random by up to so many extents: 0.05 or 0.05,SEED.
     #[arg(long, value_name = "AMPLITUDE", help_heading = "Edits")]
     pub noise: Vec<String>,
+    /// Bring a vertex to a place in model coordinates and keep it there: 1204:0.1,0.2,0.9.
+    #[arg(long, value_name = "VERTEX:X,Y,Z", help_heading = "Edits")]
+    pub drag: Vec<String>,
     /// Any edit as in a job file: 'twist = { axis = "z", degrees = 90, range = [0.5, 1] }'.
     #[arg(long, value_name = "TOML", help_heading = "Edits")]
     pub edit: Vec<String>,
@@ -171,6 +174,9 @@ pub struct DeformArgs {
     /// Control points that the correction does not move: all, k=0, "i=0,5 k=2".
     #[arg(long, value_name = "NODES", help_heading = "Volume")]
     pub pin: Option<String>,
+    /// Where the correction happens: everywhere, or where volume was lost.
+    #[arg(long, value_enum, help_heading = "Volume")]
+    pub mobility: Option<MobilityArg>,
     /// Correct near a vertex only: its number and a radius in extents, 1204:0.3.
     #[arg(long, value_name = "VERTEX:RADIUS", help_heading = "Volume")]
     pub falloff: Option<String>,
@@ -231,6 +237,14 @@ pub enum MethodArg {
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum MobilityArg {
+    /// Everywhere alike.
+    Uniform,
+    /// The more, the more volume was lost.
+    Auto,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
 pub enum OpenArg {
     /// Close openings virtually.
     Cap,
@@ -239,7 +253,8 @@ pub enum OpenArg {
 }
 
 /// The flags that are edits.
-const EDIT_FLAGS: [&str; 9] = ["twist", "bend", "taper", "stretch", "rotate", "scale", "shift", "noise", "edit"];
+const EDIT_FLAGS: [&str; 10] =
+    ["twist", "bend", "taper", "stretch", "rotate", "scale", "shift", "noise", "drag", "edit"];
 
 /// Reads the command line; on bad usage, prints why and ends with exit code 2.
 pub fn parse() -> Cli {

@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use isochor::{
-    Axis, Bend, Edit, Factors, Falloff, LengthUnit, Move, Noise, PartTarget, PerAxis, PointRequest, Rotate,
+    Axis, Bend, Drag, Edit, Factors, Falloff, LengthUnit, Move, Noise, PartTarget, PerAxis, PointRequest, Rotate,
     RotationAxis, Scale, Selector, SignedAxis, Stretch, Taper, Twist,
 };
 
@@ -58,6 +58,7 @@ pub fn edit(flag: &'static str, text: &str) -> Result<Edit, Failure> {
         "scale" => (flag, "1.2 or 1,1,2"),
         "shift" => ("move", "k=5:0,0,-0.4"),
         "noise" => (flag, "0.05 or 0.05,7"),
+        "drag" => (flag, POINT),
         _ => return toml_edit(text),
     };
     let parsed = match flag {
@@ -75,6 +76,7 @@ pub fn edit(flag: &'static str, text: &str) -> Result<Edit, Failure> {
             .map(|(axis, scale)| Edit::Stretch(Stretch { axis, scale, center: None, nodes: Selector::All })),
         "scale" => scale(text),
         "shift" => shift(text),
+        "drag" => vertex_and_place(text).map(|point| Edit::Drag(Drag { points: vec![point], nodes: Selector::All })),
         _ => noise(text),
     };
     parsed.ok_or_else(|| refused(name, text, example))
@@ -160,14 +162,17 @@ pub fn falloff(text: &str) -> Result<Falloff, Failure> {
     parsed().ok_or_else(|| refused("falloff", text, "1204:0.3"))
 }
 
+const POINT: &str = "1204:0.1,0.2,0.9";
+
 /// `1204:0.1,0.2,0.9`
 pub fn point(text: &str) -> Result<PointRequest, Failure> {
-    let parsed = || {
-        let (vertex, to) = text.split_once(':')?;
-        let [x, y, z] = numbers(to)?[..] else { return None };
-        Some(PointRequest { vertex: vertex.trim().parse().ok()?, to: DVec3::new(x, y, z) })
-    };
-    parsed().ok_or_else(|| refused("point", text, "1204:0.1,0.2,0.9"))
+    vertex_and_place(text).ok_or_else(|| refused("point", text, POINT))
+}
+
+fn vertex_and_place(text: &str) -> Option<PointRequest> {
+    let (vertex, to) = text.split_once(':')?;
+    let [x, y, z] = numbers(to)?[..] else { return None };
+    Some(PointRequest { vertex: vertex.trim().parse().ok()?, to: DVec3::new(x, y, z) })
 }
 
 /// `0,2=110%`

@@ -3,12 +3,12 @@
 use std::path::{Path, PathBuf};
 
 use isochor::{
-    BasisKind, Directions, Job, KnotRule, Knots, LatticeRequest, MethodKind, OpenBoundaries, Outside, Precision,
-    Preserve, VolumeTarget,
+    BasisKind, Directions, Job, KnotRule, Knots, LatticeRequest, MethodKind, MobilityKind, OpenBoundaries, Outside,
+    Precision, Preserve, VolumeTarget,
 };
 use isochor_io::Format;
 
-use crate::args::{BasisArg, DeformArgs, KnotsArg, MethodArg, OpenArg, OutsideArg, PrecisionArg};
+use crate::args::{BasisArg, DeformArgs, KnotsArg, MethodArg, MobilityArg, OpenArg, OutsideArg, PrecisionArg};
 use crate::failure::Failure;
 use crate::{files, flags};
 
@@ -184,6 +184,11 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
     }
     if let Some(text) = &args.pin {
         preserve.pin = Some(flags::pin(text)?);
+    }
+    match args.mobility {
+        Some(MobilityArg::Uniform) => preserve.mobility = MobilityKind::Uniform,
+        Some(MobilityArg::Auto) => preserve.mobility = MobilityKind::Auto,
+        None => {}
     }
     if let Some(text) = &args.falloff {
         preserve.falloff = Some(flags::falloff(text)?);

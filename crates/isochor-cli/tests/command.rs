@@ -465,6 +465,8 @@ fn flags_change_the_result() {
         "--move 'i=0,5 k=2:0.1,0,0'",
         "--noise 0.05",
         "--noise 0.05,7",
+        "--drag 0:0.1,0.2,0.05",
+        "--drag 0:0.1,0.2,0.05 --drag 9:0.5,0.5,0.5",
         "--edit 'twist = { axis = \"z\", degrees = 90, range = [0.5, 1] }'",
         "--preserve x",
         "--preserve xy",
@@ -482,6 +484,8 @@ fn flags_change_the_result() {
         "--pin k=0",
         "--pin 'i=0,5 k=2'",
         "--falloff 0:0.3",
+        "--mobility auto",
+        "--mobility auto --pin k=0",
     ] {
         let report = folder.report(&format!("{TWIST} -o out.obj {flags}"));
         if flags != "--preserve free" {
@@ -508,6 +512,7 @@ fn defaults_spelled_out_change_nothing() {
         "--method nearest",
         "--volume rest",
         "--volume 100%",
+        "--mobility uniform",
         "--open cap",
         "--open refuse",
         "--precision file",
@@ -657,6 +662,53 @@ noise = { amplitude = 0.01, seed = 3 }
     );
     folder.report("--job job.toml");
     assert!(folder.bytes("line.obj") == folder.bytes("job.obj"));
+}
+
+#[test]
+fn dragged_vertices_stay_where_they_were_put() {
+    let folder = Folder::new();
+    let rest = folder.points("cube.obj");
+    let (place, later) = (rest[9] + DVec3::new(0.2, -0.1, 0.3), rest[9] + DVec3::new(-0.2, 0.0, 0.1));
+    let drag = |p: DVec3| format!("--drag 9:{},{},{}", p.x, p.y, p.z);
+    for (flags, end) in [
+        (format!("{} --twist z=40", drag(place)), place),
+        (format!("--twist z=40 {}", drag(place)), place),
+        (format!("{} --stretch z=0.5 {} --preserve xyz", drag(place), drag(later)), later),
+        (format!("--twist z=40 {} --point 9:{},{},{}", drag(place), later.x, later.y, later.z), later),
+        (format!("--twist z=40 {} --preserve free", drag(place)), place),
+    ] {
+        let report = folder.report(&format!("cube.obj -o out.obj {flags}"));
+        assert!(folder.points("out.obj")[9].distance(end) <= 1e-12, "{flags}");
+        if !flags.contains("free") {
+            assert!((volume(folder.document("out.obj").mesh()) - 1.0).abs() <= 1e-13, "{flags}: {report}");
+            assert!(report["correction"]["point_error"].as_f64().unwrap() <= 1e-12, "{flags}");
+        }
+    }
+    // The order of edits counts where nothing holds afterwards.
+    folder.report(&format!("cube.obj -o ab.obj --preserve free {} --stretch z=0.5", drag(place)));
+    folder.report(&format!("cube.obj -o ba.obj --preserve free --stretch z=0.5 {}", drag(place)));
+    assert!(farthest(&folder.points("ab.obj"), &folder.points("ba.obj")) > 0.01);
+}
+
+#[test]
+fn automatic_mobility_leaves_what_lost_nothing_alone() {
+    let folder = Folder::new();
+    let report = folder.report("cube.obj -o out.obj --move k=5:0,0,-0.4 --mobility auto --save-controls out.json");
+    assert!(number(&report, "relative_error") <= 1e-13 && number(&report, "posed") < 0.9, "{report}");
+    // Of three cubic cells the uppermost alone was deformed; it has layers 2 to 5.
+    let lattice = folder.json("out.json");
+    let mut layers = [0; 6];
+    for i in 0..6 {
+        for j in 0..6 {
+            for (k, moved) in layers.iter_mut().enumerate() {
+                *moved += usize::from(lattice["rest"][i][j][k] != lattice["posed"][i][j][k]);
+            }
+        }
+    }
+    // Control points inside move no vertex of the cube's surface.
+    assert_eq!(layers, [0, 0, 20, 20, 20, 36]);
+    let bottom = folder.points("cube.obj").into_iter().zip(folder.points("out.obj")).filter(|(rest, _)| rest.z == 0.0);
+    assert!(bottom.clone().count() > 9 && bottom.clone().all(|(rest, out)| rest == out));
 }
 
 #[test]
@@ -874,11 +926,28 @@ fn requests_that_cannot_be_met_end_with_1_and_write_nothing() {
     for (line, code, fragment) in [
         ("deform cube.obj -o out.obj --twist z=90 --pin all", "impossible", "pinned"),
         ("deform cube.obj -o out.obj --volume 2 --job away.toml", "impossible", "inside the lattice"),
+        (
+            "deform cube.obj -o out.obj --move k=5:0,0,-0.4 --mobility auto --pin k=2,3,4,5",
+            "impossible",
+            "only control points where volume was lost",
+        ),
         ("deform cube.obj -o out.obj --scale -1 --preserve gradient", "impossible", "turns back"),
         ("deform ball.ply -o out.ply --margin -0.1 --outside refuse", "outside", "vertices are outside"),
         ("deform open.obj -o out.obj --twist z=90 --open refuse", "open", "4 boundary edges"),
         ("deform flipped.obj -o out.obj --twist z=90", "winding", "volume = \"free\""),
         ("deform flat.obj -o out.obj --twist z=90", "no-volume", "no volume"),
+        (
+            "deform cube.obj -o out.obj --drag 9:0,0,0 --stretch z=0.5 --preserve xy",
+            "impossible",
+            "edit 1: drag: vertex 9",
+        ),
+        (
+            "deform cube.obj -o out.obj --edit 'drag = { points = [{ vertex = 9, to = [0, 0, 0] }, { vertex = 9, to = [0, 0, 1] }] }'",
+            "impossible",
+            "vertex 9 misses its target by 1.000e0",
+        ),
+        ("deform cube.obj -o out.obj --drag 0:1e308,-1e308,1e308", "impossible", "range of numbers"),
+        ("deform ball.ply -o out.ply --margin -0.1 --drag 0:2,2,2", "impossible", "outside the lattice"),
         ("deform points.obj -o out.obj --twist z=90", "no-volume", "no faces"),
     ] {
         assert_fails(&folder, line, 1, code, fragment);
@@ -924,6 +993,8 @@ fn bad_input_ends_with_2_and_writes_nothing() {
         ("deform point.obj -o out.obj --lattice 4", "lattice", "no lattice can be fitted"),
         ("deform cube.obj -o out.obj --bend z=45,z", "edit", "towards itself"),
         ("deform cube.obj -o out.obj --move k=9:0,0,1", "edit", "beyond the lattice"),
+        ("deform cube.obj -o out.obj --drag 9999:0,0,1", "edit", "vertex 9999"),
+        ("deform cube.obj -o out.obj --edit 'drag = { vertex = 0, to = [0, nan, 0] }'", "edit", "finite"),
         ("deform cube.obj -o out.obj --edit 'twist = { axis = \"z\", degrees = inf }'", "edit", "finite"),
         ("deform cube.obj -o out.obj --twist z=90 --pin k=9", "pin", "beyond the lattice"),
         ("deform cube.obj -o out.obj --twist z=90 --falloff 9999:0.3", "missing-vertex", "9999"),
@@ -985,6 +1056,9 @@ fn bad_usage_ends_with_2_and_writes_nothing() {
         ("deform cube.obj -o out.obj --move k=5", "--move"),
         ("deform cube.obj -o out.obj --move k=5:0,0", "--move"),
         ("deform cube.obj -o out.obj --noise 0.1,x", "--noise"),
+        ("deform cube.obj -o out.obj --drag 0,0,1", "--drag"),
+        ("deform cube.obj -o out.obj --drag 9:0,1", "write for example 1204:0.1,0.2,0.9"),
+        ("deform cube.obj -o out.obj --edit 'drag = { vertex = 1 }'", "no `to`"),
         ("deform cube.obj -o out.obj --edit 'twsit = { axis = \"z\", degrees = 90 }'", "did you mean `twist`?"),
         ("deform cube.obj -o out.obj --edit 'twist = { axis = \"z\", degres = 90 }'", "did you mean `degrees`?"),
         ("deform cube.obj -o out.obj --edit [preserve]", "--edit"),
@@ -1006,6 +1080,7 @@ fn bad_usage_ends_with_2_and_writes_nothing() {
         ("deform cube.obj -o out.obj --pin top", "--pin"),
         ("deform cube.obj -o out.obj --pin 'k=0 k=1'", "twice"),
         ("deform cube.obj -o out.obj --falloff 0.3", "--falloff"),
+        ("deform cube.obj -o out.obj --mobility some", "some"),
         ("deform cube.obj -o out.obj --falloff=-1:0.3", "--falloff"),
         ("deform cube.obj -o out.obj --lattice-file controls.json --lattice 4", "--lattice-file"),
     ] {

@@ -403,6 +403,44 @@ fn tiny_balls_in_real_models_are_cavities_where_a_ray_says_that_they_are_inside(
     }
 }
 
+/// Halves the upper end of models; what was not deformed stays, and the volume is exact all the same.
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn automatic_mobility_corrects_real_models_where_they_lost_volume() {
+    let toml = |mobility: &str| {
+        format!(
+            "lattice = {{ size = 8 }}\npreserve = {{ mobility = \"{mobility}\" }}\n\
+             [[edit]]\nscale = {{ by = 0.5, nodes = {{ k = [6, 7] }} }}\n"
+        )
+    };
+    for file in ["derived/bunny-filled-derived.ply", "open/bunny-35947v.ply", "closed/armadillo-43243v.ply"] {
+        let document = read(file).unwrap();
+        let input = JobInput { mesh: document.mesh(), source: &source(&document), lattice: None };
+        let [auto, uniform] = ["auto", "uniform"].map(|mobility| {
+            let outcome = Job::from_toml(&toml(mobility)).unwrap().run(&input, &mut |_| {}).unwrap();
+            let volume = outcome.report.volume.as_ref().unwrap().overall;
+            assert!(volume.relative_error.unwrap() <= 1e-13, "{file}: {volume:?}");
+            assert!(
+                (volume.corrected / volume.rest - 1.0).abs() <= 1e-13 && volume.posed < 0.99 * volume.rest,
+                "{file}"
+            );
+            outcome
+        });
+        // Cubic on 5 cells: layers 6 and 7 deform the two uppermost, which layers 3 to 7 touch; layers 0 to 2 stay.
+        let controls = auto.controls.as_ref().unwrap();
+        for (c, (posed, rest)) in controls.posed.iter().zip(&controls.rest).enumerate() {
+            assert!(c % 8 > 2 || posed == rest, "{file}: layer {} moved", c % 8);
+        }
+        // The lowest fifth, which the edit left alone, moves much less than with uniform mobilities.
+        let (low, side) = (document.mesh().bounds().unwrap().min.z, document.mesh().bounds().unwrap().size().z);
+        let moves = |outcome: &isochor::Outcome| -> f64 {
+            let pairs = outcome.points.iter().zip(document.mesh().points());
+            pairs.filter(|(_, rest)| rest.z < low + 0.2 * side).map(|(end, rest)| end.distance(*rest)).sum()
+        };
+        assert!(moves(&auto) < 0.1 * moves(&uniform), "{file}: {} of {}", moves(&auto), moves(&uniform));
+    }
+}
+
 /// The text of the header, and the bytes behind the vertices: `float x, y, z` each, as in all models that are tried here.
 fn header_and_faces(ply: &[u8]) -> (&str, &[u8]) {
     let end = ply.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;

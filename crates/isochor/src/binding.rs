@@ -77,6 +77,15 @@ impl Entry<3> for DVec3 {
     }
 }
 
+/// The vertices of a model at rest, and how they follow the controls.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct BoundVertices<'a> {
+    /// Rest positions P⁰ (#vertices × 3).
+    pub rest: &'a [DVec3],
+    /// W (#vertices × #controls).
+    pub binding: &'a Binding,
+}
+
 /// Most partial sums of an adjoint. More: better balance between many threads; fewer: less memory.
 const PARTS: usize = 32;
 

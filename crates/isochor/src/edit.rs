@@ -7,6 +7,8 @@
 //! stack of modifiers does. Ranges and centres come from the lattice box at rest. A control point of weight w moves to
 //! p + w (e(p) − p); those of weight 0 keep their bits, and so do all where e is the identity.
 //!
+//! Two are no maps of space: positions given for control points ([`crate::posed`]) and for vertices ([`crate::drag`]).
+//!
 //! With c the centre, a an axis and `[f, g]` a range in fractions of the box along it, `s` is the linear function of
 //! position along a that is 0 at f and 1 at g. It is not clamped: what lies beyond the range continues linearly.
 //! Rotations follow the right-hand rule: by a positive angle about z, x turns towards y.
@@ -21,6 +23,8 @@ use glam::DVec3;
 use rand_pcg::Pcg64;
 use rand_pcg::rand_core::Rng;
 
+use crate::binding::displaced;
+use crate::drag::{Drag, DragError};
 #[cfg(feature = "serde")]
 use crate::exact;
 use crate::posed::{Posed, PosedError};
@@ -53,6 +57,8 @@ pub enum Edit {
     Noise(Noise),
     /// Puts control points at given positions.
     Posed(Posed),
+    /// Brings vertices to given positions.
+    Drag(Drag),
 }
 
 /// A coordinate axis of the model.
@@ -316,6 +322,9 @@ pub enum EditError {
     /// Positions that do not fit the lattice.
     #[error("posed: {0}")]
     Posed(#[from] PosedError),
+    /// Vertices that cannot be dragged to their places.
+    #[error("drag: {0}")]
+    Drag(#[from] DragError),
     /// Finite numbers whose result is not.
     #[error("{edit}: control point [{}, {}, {}] would move out of the range of numbers", .node[0], .node[1], .node[2])]
     Overflow {
@@ -324,6 +333,14 @@ pub enum EditError {
         /// The control point.
         node: [usize; 3],
     },
+}
+
+impl EditError {
+    /// Whether the edit is sound but cannot be done with this lattice; otherwise it is wrong in itself.
+    #[must_use]
+    pub fn is_unreachable(&self) -> bool {
+        matches!(self, Self::Drag(DragError::Unmoved { .. } | DragError::Contradiction { .. }))
+    }
 }
 
 /// The identity.
@@ -434,6 +451,7 @@ impl Edit {
             Self::Scale(_) => "scale",
             Self::Noise(_) => "noise",
             Self::Posed(_) => "posed",
+            Self::Drag(_) => "drag",
         }
     }
 
@@ -450,6 +468,7 @@ impl Edit {
             Self::Scale(edit) => &edit.nodes,
             Self::Noise(edit) => &edit.nodes,
             Self::Posed(edit) => &edit.nodes,
+            Self::Drag(edit) => &edit.nodes,
         }
     }
 
@@ -458,36 +477,40 @@ impl Edit {
     /// # Errors
     ///
     /// A selector that picks nothing; a number that is not finite or for which the edit is not defined; positions that do
-    /// not fit the lattice. Then `controls` are as they were.
+    /// not fit the lattice; vertices that cannot be dragged to their places. Then `controls` are as they were.
     ///
     /// # Panics
     ///
-    /// Panics where `controls` does not have one entry for each control point of `space`.
+    /// Panics where `controls` or the binding of `space` does not have one entry for each control point of `space`, or its
+    /// vertices not one row each.
     pub fn apply(&self, controls: &mut [DVec3], space: &ControlSpace) -> Result<(), EditError> {
         assert_eq!(controls.len(), space.rest.len(), "one position for each control point");
         assert_eq!(controls.len(), space.size.iter().product::<usize>(), "a size that fits the control points");
         let edit = self.name();
-        let law = match self {
-            Self::Twist(twist) => twist.law(space),
-            Self::Bend(bend) => bend.law(space),
-            Self::Taper(taper) => taper.law(space),
-            Self::Stretch(stretch) => stretch.law(space),
-            Self::Move(by) => by.law(space),
-            Self::Rotate(rotate) => rotate.law(space),
-            Self::Scale(scale) => scale.law(space),
-            Self::Noise(noise) => noise.law(space),
+        let weights = self.nodes().weights(space).map_err(|source| EditError::Nodes { edit, source })?;
+        let blended = |law: Law| -> Vec<DVec3> {
+            let blend = |(c, (&p, &weight)): (usize, (&DVec3, &f64))| match weight {
+                0.0 => p,
+                1.0 => law(c, p),
+                _ => p + weight * (law(c, p) - p),
+            };
+            controls.iter().zip(&weights).enumerate().map(blend).collect()
+        };
+        let moved = match self {
+            Self::Twist(twist) => blended(twist.law(space)?),
+            Self::Bend(bend) => blended(bend.law(space)?),
+            Self::Taper(taper) => blended(taper.law(space)?),
+            Self::Stretch(stretch) => blended(stretch.law(space)?),
+            Self::Move(by) => blended(by.law(space)?),
+            Self::Rotate(rotate) => blended(rotate.law(space)?),
+            Self::Scale(scale) => blended(scale.law(space)?),
+            Self::Noise(noise) => blended(noise.law(space)?),
             Self::Posed(posed) => {
                 let targets = posed.targets(space)?;
-                Ok(Box::new(move |c: usize, p| targets[c].unwrap_or(p)) as Law)
+                blended(Box::new(|c, p| targets[c].unwrap_or(p)))
             }
-        }?;
-        let weights = self.nodes().weights(space).map_err(|source| EditError::Nodes { edit, source })?;
-        let blended = |(c, (&p, &weight)): (usize, (&DVec3, &f64))| match weight {
-            0.0 => p,
-            1.0 => law(c, p),
-            _ => p + weight * (law(c, p) - p),
+            Self::Drag(drag) => displaced(controls, &drag.displacement(controls, &weights, space)?),
         };
-        let moved: Vec<DVec3> = controls.iter().zip(&weights).enumerate().map(blended).collect();
         if let Some(c) = moved.iter().position(|p| !p.is_finite()) {
             return Err(EditError::Overflow { edit, node: space.node(c) });
         }

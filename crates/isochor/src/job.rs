@@ -253,6 +253,8 @@ pub enum MobilityKind {
     /// 1 everywhere, or what the lattice file says.
     #[default]
     Uniform,
+    /// The more, the more volume was lost: [`local_mobility`](crate::local_mobility), times what the lattice file says.
+    Auto,
 }
 
 /// Whether foldings are looked for.
@@ -276,7 +278,7 @@ pub struct Falloff {
 
 /// A vertex that must come to an exact place.
 #[derive(Clone, Copy, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(deny_unknown_fields))]
+#[cfg_attr(feature = "serde", derive(serde::Serialize, serde::Deserialize), serde(deny_unknown_fields))]
 pub struct PointRequest {
     /// The vertex, 0-based in file order (STL: distinct corners in order of appearance).
     pub vertex: usize,

@@ -218,7 +218,7 @@ impl Lattice {
     }
 
     /// Whether parameters are inside, [`tolerances::INSIDE`] included.
-    fn is_inside(&self, parameters: DVec3) -> bool {
+    pub(crate) fn is_inside(&self, parameters: DVec3) -> bool {
         let extent = self.frame.extent();
         (0..3).all(|a| {
             let slack = tolerances::INSIDE * extent / self.frame.axes[a].length();

@@ -76,6 +76,7 @@ mod bspline;
 mod coarse;
 mod correct;
 mod double;
+mod drag;
 mod edit;
 mod energy;
 #[cfg(feature = "serde")]
@@ -87,6 +88,7 @@ mod job;
 #[cfg(feature = "serde")]
 mod job_text;
 mod lattice;
+mod locality;
 mod mesh;
 mod metric;
 mod nearest;
@@ -105,9 +107,10 @@ pub mod tolerances;
 mod topology;
 mod volume;
 
-pub use binding::{Binding, displaced};
+pub use binding::{Binding, BoundVertices, displaced};
 pub use bspline::{Basis, BasisError, MAX_SIZE};
 pub use correct::{CorrectError, CorrectOptions, Correction, Corrector, Method, Pose, Reason, Status, Wanted, correct};
+pub use drag::{Drag, DragError};
 pub use edit::{
     Axis, Bend, Edit, EditError, Factors, LengthUnit, Move, Noise, Rotate, RotationAxis, Scale, SignedAxis, Stretch,
     Taper, Twist,
@@ -123,9 +126,10 @@ pub use job::{
 #[cfg(feature = "serde")]
 pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
+pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{JobError, JobInput, Outcome, PosedLattice, Stage};
-pub use points::PointTarget;
+pub use points::{PointError, PointTarget, least_displacement};
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use report::{CorrectionReport, PartRow, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
 pub use select::{ControlSpace, SelectError, Selector};

@@ -5,17 +5,18 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::binding::{Binding, displaced, translated};
+use crate::binding::{Binding, BoundVertices, displaced, translated};
 use crate::bspline::{Basis, BasisError};
 use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Reason, Status, Wanted, correct};
-use crate::edit::EditError;
+use crate::edit::{Edit, EditError};
 use crate::goals::{Components, VolumeGoal};
 use crate::health::{ComponentHealth, Health, Source};
 use crate::job::{
     Amount, AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, LatticeRequest, MethodKind,
-    PartTarget, PointRequest, Preserve, VolumeTarget,
+    MobilityKind, PartTarget, PointRequest, Preserve, VolumeTarget,
 };
 use crate::lattice::{Frame, Lattice, LatticeError, Outside};
+use crate::locality::{LocalityOptions, local_mobility};
 use crate::mesh::{Bounds, Mesh};
 use crate::points::PointTarget;
 use crate::report::{CorrectionReport, PartRow, Report, Stopwatch, VolumeReport, VolumeRow};
@@ -131,6 +132,23 @@ pub enum JobError {
     /// The correction is impossible.
     #[error(transparent)]
     Correct(#[from] CorrectError),
+    /// The correction is impossible with the controls that the mobility "auto" lets move.
+    #[error("with mobility \"auto\" only control points where volume was lost can move: {0}")]
+    Local(CorrectError),
+    /// A dragged vertex cannot be at its target after the correction.
+    #[error(
+        "edit {}: drag: vertex {vertex} misses its target by {by:.3e} whatever the correction does, given the other points, the \
+         pins and the axes",
+        .index + 1
+    )]
+    Dragged {
+        /// Place of the edit in the list, from 0.
+        index: usize,
+        /// The vertex.
+        vertex: usize,
+        /// By how far it misses.
+        by: f64,
+    },
     /// The method "nearest" did not come to the smallest displacement.
     #[error("the nearest pose was not found: its condition is missed by {residual:.1e} extents, more than {limit:e}")]
     NotConverged {
@@ -179,17 +197,42 @@ pub enum JobError {
 }
 
 impl JobError {
+    /// Of a correction that was to bring points to their places, with mobilities "auto" if it `is_local`.
+    fn of_correction(error: CorrectError, points: &[WantedPoint], is_local: bool) -> Self {
+        if let CorrectError::Impossible {
+            reason: Reason::Contradiction { point, by } | Reason::OffAxes { point, by },
+            ..
+        } = error
+            && let WantedPoint { request: PointRequest { vertex, .. }, edit: Some(index) } = points[point]
+        {
+            return Self::Dragged { index, vertex, by };
+        }
+        match error {
+            CorrectError::Impossible { reason: Reason::Pinned | Reason::Dead | Reason::Turns { .. }, .. }
+                if is_local =>
+            {
+                Self::Local(error)
+            }
+            _ => Self::Correct(error),
+        }
+    }
+
     /// Whether the request is sound but cannot be met; otherwise the input is bad.
     #[must_use]
     pub fn is_unreachable(&self) -> bool {
-        matches!(
-            self,
-            Self::Correct(CorrectError::Impossible { .. })
-                | Self::Lattice(LatticeError::Outside { .. })
-                | Self::Solid(_)
-                | Self::NoVolume { .. }
-                | Self::NotConverged { .. }
-        )
+        match self {
+            Self::Edit { source, .. } => source.is_unreachable(),
+            _ => matches!(
+                self,
+                Self::Correct(CorrectError::Impossible { .. })
+                    | Self::Lattice(LatticeError::Outside { .. })
+                    | Self::Solid(_)
+                    | Self::NoVolume { .. }
+                    | Self::NotConverged { .. }
+                    | Self::Dragged { .. }
+                    | Self::Local(_)
+            ),
+        }
     }
 
     /// A short word for programs.
@@ -198,12 +241,13 @@ impl JobError {
         match self {
             Self::Lattice(LatticeError::Outside { .. }) => "outside",
             Self::Lattice(_) => "lattice",
+            Self::Edit { source, .. } if source.is_unreachable() => "impossible",
             Self::Edit { .. } => "edit",
             Self::Pin(_) => "pin",
             Self::Solid(SolidError::Open { .. }) => "open",
             Self::Solid(SolidError::Winding { .. }) => "winding",
             Self::Solid(_) | Self::NoVolume { .. } => "no-volume",
-            Self::Correct(CorrectError::Impossible { .. }) => "impossible",
+            Self::Correct(CorrectError::Impossible { .. }) | Self::Dragged { .. } | Self::Local(_) => "impossible",
             Self::Correct(_) => "correct",
             Self::NotConverged { .. } => "not-converged",
             Self::Value { .. } => "value",
@@ -219,7 +263,7 @@ impl JobError {
         match self {
             Self::Lattice(LatticeError::Outside { .. }) => "lattice.outside".into(),
             Self::Lattice(_) => "lattice".into(),
-            Self::Edit { index, .. } => format!("edit[{index}]"),
+            Self::Edit { index, .. } | Self::Dragged { index, .. } => format!("edit[{index}]"),
             Self::Pin(_) => "preserve.pin".into(),
             Self::Solid(SolidError::Open { .. }) => "preserve.open".into(),
             Self::Solid(_) | Self::NoVolume { .. } => "model".into(),
@@ -227,6 +271,7 @@ impl JobError {
                 reason: Reason::Contradiction { point, .. } | Reason::OffAxes { point, .. },
                 ..
             }) => format!("preserve.points[{point}]"),
+            Self::Local(_) => "preserve.mobility".into(),
             Self::Correct(_) => "preserve".into(),
             Self::NotConverged { .. } => "preserve.method".into(),
             Self::Value { key, .. } | Self::MissingVertex { key, .. } => (*key).into(),
@@ -243,6 +288,9 @@ impl JobError {
                 "enlarge the lattice (margin), or choose outside = \"keep\" or \"extend\""
             }
             Self::Lattice(_) => "change the size, degree, knots or frame of the lattice",
+            Self::Edit { source, .. } if source.is_unreachable() => {
+                "choose other targets or more nodes, or a lattice that holds the vertex"
+            }
             Self::Edit { .. } => "correct the edit; its formulas and keys are on the docs page of edits",
             Self::Pin(_) => "choose control points that exist",
             Self::Solid(SolidError::Open { .. }) => "close the model, or allow virtual caps with open = \"cap\"",
@@ -253,6 +301,10 @@ impl JobError {
             Self::Correct(CorrectError::Impossible { .. }) => {
                 "free more controls, choose other axes, enlarge the lattice, or ask for another volume"
             }
+            Self::Dragged { .. } => {
+                "free more controls, leave out points that contradict it, or drag the vertex elsewhere"
+            }
+            Self::Local(_) => "choose mobility = \"uniform\", or pin less",
             Self::Correct(_) => "correct the named value",
             Self::NotConverged { .. } => "choose the method \"gradient\", or ask for less change",
             Self::Value { .. } => "correct or leave out the key",
@@ -329,6 +381,7 @@ impl Job {
             bounds: controls.lattice.frame().bounds(),
             extent,
             origin,
+            vertices: Some(BoundVertices { rest: &rest_points, binding: &binding }),
         };
         let mut posed = controls.posed.clone();
         for (index, edit) in self.edit.iter().enumerate() {
@@ -359,13 +412,26 @@ impl Job {
             let (method, coordinates) = self.method()?;
             let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
             mobility.iter_mut().for_each(|m| *m *= coordinates);
-            let points_to_meet = self.points(&binding, &points, origin)?;
-            let options = CorrectOptions { method, mobility: Some(mobility), energy: None };
             let posed_volumes = body.solid.volumes(&points);
             let goals = body.goals(&self.preserve.volume, &posed_volumes, &mut warnings)?;
+            let is_local = self.preserve.mobility == MobilityKind::Auto;
+            if is_local {
+                // Of several goals, their sizes together.
+                let size = |of: &dyn Fn(&VolumeGoal) -> f64| -> f64 {
+                    goals.iter().map(|goal| of(goal) * sign(goal.of(&body.rest))).sum()
+                };
+                let rest = size(&|goal| goal.of(&body.rest));
+                let (posed, wanted) = (size(&|goal| goal.of(&posed_volumes)) / rest, size(&|goal| goal.volume) / rest);
+                let options = LocalityOptions { vertices: &rest_points, outside, posed, wanted };
+                let local = local_mobility(&controls.lattice, &displacement, &options);
+                mobility.iter_mut().zip(local).for_each(|(m, local)| *m *= local);
+            }
+            let wanted_points = self.wanted_points();
+            let wanted = Wanted { volumes: goals, points: self.points(&wanted_points, &binding, &points, origin)? };
+            let options = CorrectOptions { method, mobility: Some(mobility), energy: None };
             let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
-            let wanted = Wanted { volumes: goals, points: points_to_meet };
-            let corrected = correct(&pose, &wanted, &options).map_err(|error| error.oriented(body.orientation))?;
+            let corrected = correct(&pose, &wanted, &options)
+                .map_err(|error| JobError::of_correction(error.oriented(body.orientation), &wanted_points, is_local))?;
             if let (Status::NotNearest, Some(residual)) = (corrected.status, corrected.residual) {
                 return Err(JobError::NotConverged { residual, limit: tolerances::KKT_ENOUGH });
             }
@@ -439,14 +505,37 @@ impl Job {
         }
     }
 
-    /// The points that must come to exact places, near the model.
-    fn points(&self, binding: &Binding, posed: &[DVec3], origin: DVec3) -> Result<Vec<PointTarget>, JobError> {
-        let point = |&PointRequest { vertex, to }: &PointRequest| {
+    /// The points that must be at exact places in the end: those of `preserve`, then the vertices that edits dragged, each with
+    /// its last target, unless `preserve` names them.
+    fn wanted_points(&self) -> Vec<WantedPoint> {
+        let mut dragged: Vec<WantedPoint> = Vec::new();
+        for (index, edit) in self.edit.iter().enumerate() {
+            let Edit::Drag(drag) = edit else { continue };
+            for &request in &drag.points {
+                dragged.retain(|earlier| earlier.request.vertex != request.vertex);
+                dragged.push(WantedPoint { request, edit: Some(index) });
+            }
+        }
+        let is_named = |vertex| self.preserve.points.iter().any(|point| point.vertex == vertex);
+        dragged.retain(|point| !is_named(point.request.vertex));
+        let named = self.preserve.points.iter().map(|&request| WantedPoint { request, edit: None });
+        named.chain(dragged).collect()
+    }
+
+    /// The same with weights and positions, near the model.
+    fn points(
+        &self,
+        wanted: &[WantedPoint],
+        binding: &Binding,
+        posed: &[DVec3],
+        origin: DVec3,
+    ) -> Result<Vec<PointTarget>, JobError> {
+        let point = |&WantedPoint { request: PointRequest { vertex, to }, .. }: &WantedPoint| {
             let (key, vertices) = ("preserve.points", posed.len());
             let position = *posed.get(vertex).ok_or(JobError::MissingVertex { key, vertex, vertices })?;
             Ok(PointTarget { weights: binding.weights(vertex), position, target: to - origin })
         };
-        self.preserve.points.iter().map(point).collect()
+        wanted.iter().map(point).collect()
     }
 
     /// Mobility of each control coordinate: of the lattice file, times falloff, times what pins leave.
@@ -511,6 +600,14 @@ impl Outcome {
 /// −1 for negative volumes, else 1.
 fn sign(volume: f64) -> f64 {
     if volume < 0.0 { -1.0 } else { 1.0 }
+}
+
+/// A point that must be at an exact place in the end.
+#[derive(Clone, Copy)]
+struct WantedPoint {
+    request: PointRequest,
+    /// The edit that dragged it there; `None`: `preserve` names it.
+    edit: Option<usize>,
 }
 
 /// A body and its volumes at rest.

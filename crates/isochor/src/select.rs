@@ -18,6 +18,7 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
+use crate::binding::BoundVertices;
 use crate::mesh::Bounds;
 use crate::tolerances;
 
@@ -39,6 +40,9 @@ pub struct ControlSpace<'a> {
     pub extent: f64,
     /// Where positions are measured from, in model coordinates.
     pub origin: DVec3,
+    /// The model's vertices, relative to `origin`, and how they follow the control points: what a drag needs. `None`: there are
+    /// no vertices.
+    pub vertices: Option<BoundVertices<'a>>,
 }
 
 impl ControlSpace<'_> {

@@ -58,6 +58,10 @@ pub const TOUCHES: f64 = 1e-9;
 /// that sticks out decides.
 pub const CLEAR_ANSWERS: usize = 3;
 
+/// A part of the body that lacks less than this fraction of its rest volume has lost nothing. Larger: small losses get no
+/// correction of their own; smaller: what only turned counts as lost by the rounding of its determinant.
+pub const NO_LOSS: f64 = 1e-12;
+
 /// A lattice frame whose volume is below this fraction of the product of its edge lengths is degenerate. Larger: strongly
 /// sheared frames are refused; smaller: parameters lose all their digits.
 pub const FLAT_FRAME: f64 = 1e-9;

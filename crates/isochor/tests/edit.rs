@@ -4,8 +4,9 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::{DMat3, DVec3};
 use isochor::{
-    Axis, Bend, Bounds, ControlSpace, Edit, EditError, Factors, LengthUnit, Move, Noise, Posed, PosedError, PosedPoint,
-    PosedTo, Rotate, RotationAxis, Scale, SelectError, Selector, SignedAxis, Stretch, Taper, Twist,
+    Axis, Bend, Bounds, ControlSpace, Drag, Edit, EditError, Factors, LengthUnit, Move, Noise, PointRequest, Posed,
+    PosedError, PosedPoint, PosedTo, Rotate, RotationAxis, Scale, SelectError, Selector, SignedAxis, Stretch, Taper,
+    Twist,
 };
 use proptest::prelude::*;
 
@@ -24,7 +25,8 @@ fn rest() -> Vec<DVec3> {
 }
 
 fn space(rest: &[DVec3]) -> ControlSpace<'_> {
-    ControlSpace { rest, size: SIZE, bounds: Bounds { min: LOW, max: HIGH }, extent: EXTENT, origin: ORIGIN }
+    let bounds = Bounds { min: LOW, max: HIGH };
+    ControlSpace { rest, size: SIZE, bounds, extent: EXTENT, origin: ORIGIN, vertices: None }
 }
 
 fn applied(edits: &[Edit]) -> Result<Vec<DVec3>, EditError> {
@@ -69,6 +71,7 @@ fn identities() -> Vec<Edit> {
         Edit::Scale(Scale::default()),
         Edit::Noise(Noise::default()),
         Edit::Posed(Posed { to: PosedTo::Points(vec![]), nodes: Selector::All }),
+        Edit::Drag(Drag::default()),
     ]
 }
 
@@ -603,6 +606,17 @@ mod written {
                 }),
             ),
             (
+                "drag = { vertex = 7, to = [1, 2.5, -3] }",
+                Edit::Drag(Drag { points: vec![PointRequest { vertex: 7, to: xyz }], nodes: Selector::All }),
+            ),
+            (
+                "drag = { points = [{ vertex = 7, to = [1, 2.5, -3] }, { vertex = 8, to = [0, 0, 0] }], nodes = \"k=5\" }",
+                Edit::Drag(Drag {
+                    points: vec![PointRequest { vertex: 7, to: xyz }, PointRequest { vertex: 8, to: DVec3::ZERO }],
+                    nodes: "k=5".parse().unwrap(),
+                }),
+            ),
+            (
                 "posed = { lattice = [[[[1, 2.5, -3], [0, 0, 0]]]] }",
                 Edit::Posed(Posed { to: PosedTo::Lattice(vec![vec![vec![xyz, DVec3::ZERO]]]), nodes: Selector::All }),
             ),
@@ -652,6 +666,13 @@ mod written {
             ("posed = { points = [], lattice = [] }", "posed has both `points` and `lattice`"),
             ("posed = { points = [{ node = [0, 0], to = [0, 0, 0] }] }", "invalid length 2, expected a list of 3"),
             ("posed = { lattice = [[[[0, 0]]]] }", "invalid length 2, expected a list of 3"),
+            ("drag = { }", "drag has neither `vertex` and `to` nor `points`: it needs one of them"),
+            ("drag = { vertex = 1 }", "drag has `vertex` but no `to`, the place where it goes"),
+            ("drag = { to = [0, 0, 0] }", "drag has `to` but no `vertex` that goes there"),
+            ("drag = { vertex = 1, to = [0, 0, 0], points = [] }", "drag has both `points` and `vertex` or `to`"),
+            ("drag = { vertex = -1, to = [0, 0, 0] }", "invalid value: integer `-1`, expected usize"),
+            ("drag = { vertex = 1, to = [0, 0] }", "invalid length 2, expected a list of 3"),
+            ("drag = { points = [{ vertex = 1, by = [0, 0, 0] }] }", "unknown field `by`, expected `vertex` or `to`"),
             ("posed = { point = [] }", "unknown field `point`, expected one of `points`, `lattice`, `nodes`"),
         ] {
             let error = read(toml).unwrap_err();

@@ -25,6 +25,7 @@ fn weights(selector: &Selector) -> Result<Vec<f64>, SelectError> {
         bounds: lattice.frame().bounds(),
         extent: 4.0,
         origin: ORIGIN,
+        vertices: None,
     };
     let weights = selector.weights(&space)?;
     assert_eq!(weights.len(), 4 * 5 * 6);
