@@ -74,13 +74,13 @@ pub fn local_mobility(lattice: &Lattice, displacement: &[DVec3], options: &Local
 /// Panics where `displacement` does not have one entry per control.
 #[must_use]
 pub fn volume_loss(lattice: &Lattice, displacement: &[DVec3], options: &LocalityOptions) -> Vec<f64> {
+    /// Cells per chunk. More: less balance between threads; fewer: more overhead.
+    const CHUNK: usize = 4;
     assert_eq!(displacement.len(), lattice.control_count(), "one displacement for each control");
     let axes = lattice.bases().each_ref().map(Axis::new);
     let cells = cells(lattice, &axes, options);
     let sign = if options.posed > options.wanted { -1.0 } else { 1.0 };
     let loss = |det: f64| (sign * (options.wanted - det)).max(0.0);
-    /// Cells per chunk. More: less balance between threads; fewer: more overhead.
-    const CHUNK: usize = 4;
     let sums = parallel::map_chunks(cells.len(), CHUNK, |range| {
         let cell_losses = |cell: &[usize; 3]| Cell::new(*cell, &axes).integrals(lattice, displacement, loss);
         cells[range].iter().map(cell_losses).collect::<Vec<_>>()

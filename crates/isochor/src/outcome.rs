@@ -138,7 +138,7 @@ pub enum JobError {
     /// A dragged vertex cannot be at its target after the correction.
     #[error(
         "edit {}: drag: vertex {vertex} misses its target by {by:.3e} whatever the correction does, given the other points, the \
-         pins and the axes",
+         mobilities and the axes",
         .index + 1
     )]
     Dragged {
@@ -208,11 +208,10 @@ impl JobError {
             return Self::Dragged { index, vertex, by };
         }
         match error {
-            CorrectError::Impossible { reason: Reason::Pinned | Reason::Dead | Reason::Turns { .. }, .. }
-                if is_local =>
-            {
-                Self::Local(error)
-            }
+            CorrectError::Impossible {
+                reason: Reason::Pinned | Reason::Dead | Reason::Turns { .. } | Reason::Contradiction { .. },
+                ..
+            } if is_local => Self::Local(error),
             _ => Self::Correct(error),
         }
     }
@@ -270,7 +269,10 @@ impl JobError {
             Self::Correct(CorrectError::Impossible {
                 reason: Reason::Contradiction { point, .. } | Reason::OffAxes { point, .. },
                 ..
-            }) => format!("preserve.points[{point}]"),
+            })
+            | Self::Local(CorrectError::Impossible { reason: Reason::Contradiction { point, .. }, .. }) => {
+                format!("preserve.points[{point}]")
+            }
             Self::Local(_) => "preserve.mobility".into(),
             Self::Correct(_) => "preserve".into(),
             Self::NotConverged { .. } => "preserve.method".into(),
@@ -304,7 +306,7 @@ impl JobError {
             Self::Dragged { .. } => {
                 "free more controls, leave out points that contradict it, or drag the vertex elsewhere"
             }
-            Self::Local(_) => "choose mobility = \"uniform\", or pin less",
+            Self::Local(_) => "choose mobility = \"uniform\", pin less, or ask for fewer points",
             Self::Correct(_) => "correct the named value",
             Self::NotConverged { .. } => "choose the method \"gradient\", or ask for less change",
             Self::Value { .. } => "correct or leave out the key",

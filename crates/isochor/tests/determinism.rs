@@ -3,8 +3,8 @@
 use glam::DVec3;
 use isochor::shapes::{icosphere, uv_torus};
 use isochor::{
-    Basis, CorrectOptions, Frame, Lattice, Mesh, Method, OpenBoundaries, Outside, Pose, Solid, Wanted, correct,
-    displaced, topology,
+    Basis, CorrectOptions, Frame, Lattice, LocalityOptions, Mesh, Method, OpenBoundaries, Outside, Pose, Solid, Wanted,
+    correct, displaced, local_mobility, topology,
 };
 
 /// All that is computed in parallel, for one mesh: as bits.
@@ -41,6 +41,10 @@ fn everything(mesh: &Mesh) -> Vec<(&'static str, Vec<u64>)> {
         ("area", numbers(&[solid.area(&posed)])),
         ("gradient", vectors(&gradient)),
         ("jacobians", jacobians.iter().flat_map(|j| j.to_cols_array()).map(f64::to_bits).collect()),
+        ("local mobility", {
+            let options = LocalityOptions { vertices: mesh.points(), ..LocalityOptions::default() };
+            numbers(&local_mobility(&lattice, &displacement, &options))
+        }),
     ];
     // Cubic rows and long runs: the fast path.
     let cubic = Lattice::new([0; 3].map(|_| Basis::uniform(7, 3).unwrap()), frame).unwrap();

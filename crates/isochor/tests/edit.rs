@@ -4,9 +4,8 @@ use std::f64::consts::{FRAC_PI_2, PI};
 
 use glam::{DMat3, DVec3};
 use isochor::{
-    Axis, Bend, Bounds, ControlSpace, Drag, Edit, EditError, Factors, LengthUnit, Move, Noise, PointRequest, Posed,
-    PosedError, PosedPoint, PosedTo, Rotate, RotationAxis, Scale, SelectError, Selector, SignedAxis, Stretch, Taper,
-    Twist,
+    Axis, Bend, Bounds, ControlSpace, Drag, Edit, EditError, Factors, LengthUnit, Move, Noise, Posed, PosedError,
+    PosedPoint, PosedTo, Rotate, RotationAxis, Scale, SelectError, Selector, SignedAxis, Stretch, Taper, Twist,
 };
 use proptest::prelude::*;
 
@@ -536,6 +535,8 @@ proptest! {
 
 #[cfg(feature = "serde")]
 mod written {
+    use isochor::PointRequest;
+
     use super::*;
 
     #[derive(Debug, PartialEq, serde::Serialize, serde::Deserialize)]

@@ -297,5 +297,10 @@ mod jobs {
         assert!(error.to_string().contains("only control points where volume was lost"), "{error}");
         assert!(error.hint().contains("uniform"));
         run(&mesh, "pin = { k = [3, 4, 5, 6, 7] }").unwrap();
+        let point = "points = [{ vertex = 0, to = [-0.1, -0.1, -0.1] }]";
+        let error = run(&mesh, &format!("mobility = \"auto\", {point}")).unwrap_err();
+        assert_eq!((error.place().as_str(), error.code()), ("preserve.points[0]", "impossible"));
+        assert!(error.to_string().contains("only control points where volume was lost"), "{error}");
+        run(&mesh, point).unwrap();
     }
 }
