@@ -473,6 +473,7 @@ fn cubic_weights<S: Simd>(simd: S, row: &[f64; CUBIC]) -> ([f64x8<S>; 4], [f64x8
 
 /// Adds `row ⊗ g` of N vertices to a block, one after the other.
 #[inline(always)]
+#[expect(clippy::needless_range_loop, reason = "x is an index of the block and of every g")]
 fn add_outer_products<S: Simd, T: Entry<D>, const D: usize, const N: usize>(
     simd: S,
     block: &mut Block<S, D>,
@@ -513,4 +514,28 @@ pub(crate) fn translated(points: &[DVec3], by: DVec3) -> Vec<DVec3> {
 
 fn moved(p: DVec3, d: DVec3) -> DVec3 {
     DVec3::select(d.cmpeq(DVec3::ZERO), p, p + d)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::{Basis, Frame, Lattice, Outside};
+
+    #[test]
+    fn products_are_the_same_to_rounding_on_processors_of_every_level() {
+        let points = crate::shapes::icosphere(3).points().to_vec();
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|a| 2.5 * a);
+        let lattice =
+            Lattice::new([0; 3].map(|_| Basis::uniform(6, 3).unwrap()), Frame { origin: DVec3::splat(-1.25), axes });
+        let binding = lattice.unwrap().bind(&points, Outside::Refuse).unwrap();
+        let c: Vec<DVec3> = (0..216).map(|i| DVec3::new(1.0, 2.0, 3.0) * f64::from(i % 7)).collect();
+        let planes = [0, 1, 2].map(|x| c.iter().map(|c| c[x]).collect());
+        let (apply, adjoint) = (binding.apply(&c), binding.adjoint(&points));
+        let mut found = vec![DVec3::ZERO; points.len()];
+        let level = Level::baseline();
+        dispatch!(level, simd => binding.cubic_product(simd, &planes, 0, &mut found, |_, d: DVec3| d));
+        assert!(found.iter().zip(&apply).all(|(a, b)| (*a - *b).length() <= 1e-14));
+        let found = dispatch!(level, simd => binding.cubic_transposed_product(simd, 0..points.len(), &points));
+        assert!(found.iter().zip(&adjoint).all(|(a, b)| (*a - *b).length() <= 1e-13));
+    }
 }
