@@ -196,7 +196,7 @@ pub(crate) fn corrected(
         let (rows, part) = pulls.rows(&surface, problem, &all, |_| Strength::Weak)?;
         let changes: Vec<f64> = part.iter().map(|goal| deficits[*goal]).collect();
         let (z, _) = rows.least(pulls.unknowns(), &changes);
-        Some(step_of(problem, &axes[k], &axes[k].metric.displacement(&z)))
+        Some(state.after(&step_of(problem, &axes[k], &axes[k].metric.displacement(&z))))
     }))
 }
 

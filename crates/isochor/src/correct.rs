@@ -27,7 +27,7 @@ use std::borrow::Cow;
 use glam::DVec3;
 
 use crate::axes::Axis;
-use crate::binding::{Binding, displaced, translated};
+use crate::binding::{Binding, moved};
 use crate::energy::Energy;
 use crate::goals::{Components, GoalFault, Goals, VolumeGoal};
 use crate::mesh::Bounds;
@@ -37,7 +37,7 @@ use crate::rows::{Missed, Rows};
 use crate::sensitivity::Sensitivity;
 use crate::tolerances;
 use crate::volume::{Solid, Volumes};
-use crate::{axes, gradient, nearest};
+use crate::{axes, gradient, nearest, order, parallel};
 
 /// A posed model: what is to be corrected.
 #[derive(Clone, Copy, Debug)]
@@ -347,13 +347,26 @@ pub fn correct(pose: &Pose, wanted: &Wanted, options: &CorrectOptions) -> Result
 }
 
 /// A body, a binding and how to correct, prepared for any number of poses and wishes.
+///
+/// It has its own copies of both with the vertices in the order of lattice cells, which memory likes; callers see their own order.
 #[derive(Clone, Debug)]
 pub struct Corrector<'a> {
     solid: Cow<'a, Solid>,
     binding: Cow<'a, Binding>,
+    /// The order of the copies; `None`: as given.
+    order: Option<Order>,
     way: Way,
     metric: Metric,
     is_movable: bool,
+}
+
+/// Another order of the vertices.
+#[derive(Clone, Debug)]
+pub(crate) struct Order {
+    /// The vertex at each place.
+    vertices: Vec<u32>,
+    /// The place of each vertex.
+    places: Vec<u32>,
 }
 
 /// [`Method`] with what it needs.
@@ -384,9 +397,15 @@ impl<'a> Corrector<'a> {
     ///
     /// Arrays that do not fit together, values out of range.
     pub fn new(solid: &'a Solid, binding: &'a Binding, options: &CorrectOptions) -> Result<Self, CorrectError> {
-        Self::borrowed(solid, binding, options)
+        let mut corrector = Self::borrowed(solid, binding, options)?;
+        let vertices = binding.cell_order();
+        corrector.solid = Cow::Owned(solid.permuted(&vertices));
+        corrector.binding = Cow::Owned(binding.permuted(&vertices));
+        corrector.order = Some(Order { places: order::places(&vertices), vertices });
+        Ok(corrector)
     }
 
+    /// For one correction: nothing is copied.
     fn borrowed(solid: &'a Solid, binding: &'a Binding, options: &CorrectOptions) -> Result<Self, CorrectError> {
         let controls = binding.control_count();
         length("the binding", binding.vertex_count(), solid.vertex_count())?;
@@ -409,7 +428,8 @@ impl<'a> Corrector<'a> {
             }
         };
         let is_movable = mobility.iter().any(|m| *m != DVec3::ZERO);
-        Ok(Self { solid: Cow::Borrowed(solid), binding: Cow::Borrowed(binding), way, metric, is_movable })
+        let (solid, binding) = (Cow::Borrowed(solid), Cow::Borrowed(binding));
+        Ok(Self { solid, binding, order: None, way, metric, is_movable })
     }
 
     /// Corrects the posed vertices (#vertices × 3) to what is wanted.
@@ -487,9 +507,6 @@ impl<'a> Corrector<'a> {
         if let Some(vertex) = posed.iter().position(|p| !p.is_finite()) {
             return Err(CorrectError::NotFinite { vertex, position: posed[vertex] });
         }
-        if let Some([a, b]) = solid.torn_vertices(posed) {
-            return Err(CorrectError::Torn { a, b });
-        }
         let controls = binding.control_count();
         for (point, PointTarget { weights, position, target }) in wanted.points.iter().enumerate() {
             if let Some((control, _)) = weights.iter().find(|(control, _)| *control >= controls) {
@@ -502,7 +519,13 @@ impl<'a> Corrector<'a> {
         }
         let bounds = Bounds::of(posed);
         let (origin, extent) = bounds.map_or((DVec3::ZERO, 0.0), |b| (b.lossless_origin(), b.extent()));
-        let posed: Vec<DVec3> = posed.iter().map(|p| *p - origin).collect();
+        let order = self.order.as_ref();
+        let posed =
+            parallel::collect(posed.len(), |i| posed[order.map_or(i, |order| order.vertices[i] as usize)] - origin);
+        if let Some(pair) = solid.torn_vertices(&posed) {
+            let [a, b] = pair.map(|v| order.map_or(v, |order| order.vertices[v as usize]));
+            return Err(CorrectError::Torn { a: a.min(b), b: a.max(b) });
+        }
         let volumes = solid.volumes(&posed);
         let goals = Goals::new(&wanted.volumes, solid.component_count()).map_err(|fault| match fault {
             GoalFault::Missing { goal, component } => {
@@ -529,6 +552,7 @@ impl<'a> Corrector<'a> {
             rows,
             posed,
             origin,
+            order,
             volumes,
             extent,
             tilt,
@@ -560,7 +584,7 @@ impl<'a> Solved<'a> {
             _ => Status::Exact,
         };
         Correction {
-            vertices: if *has_moved { translated(&end.vertices, problem.origin) } else { posed.to_vec() },
+            vertices: if *has_moved { problem.returned(&end.vertices, problem.origin) } else { posed.to_vec() },
             volume_before: problem.volumes.total,
             volume: end.volumes.total,
             relative_error: problem.relative_error(end),
@@ -587,6 +611,8 @@ pub(crate) struct Problem<'a> {
     /// The posed vertices (#vertices × 3), relative to `origin`.
     pub(crate) posed: Vec<DVec3>,
     origin: DVec3,
+    /// The order of vertices here; `None`: as the caller has them.
+    order: Option<&'a Order>,
     /// Of the posed vertices.
     volumes: Volumes,
     /// Of the posed vertices.
@@ -642,9 +668,15 @@ pub(crate) struct Normals {
 impl State {
     /// This state after `step`, its volumes not yet measured.
     pub(crate) fn after(&self, step: &Step) -> Self {
+        self.after_part(step, 1.0)
+    }
+
+    /// This state after `t` times `step`, its volumes not yet measured.
+    pub(crate) fn after_part(&self, step: &Step, t: f64) -> Self {
+        let vertex = |v: usize| moved(self.vertices[v], step.vertices[v] * t);
         Self {
-            displacement: displaced(&self.displacement, &step.controls),
-            vertices: displaced(&self.vertices, &step.vertices),
+            displacement: self.displacement.iter().zip(&step.controls).map(|(d, by)| moved(*d, *by * t)).collect(),
+            vertices: parallel::collect(self.vertices.len(), vertex),
             volumes: self.volumes.clone(),
             steps: self.steps + 1,
         }
@@ -661,6 +693,22 @@ impl<'a> Problem<'a> {
                 let volume = self.wanted.volumes[index].of(&self.volumes);
                 CorrectError::Impossible { goal: Some(index), target, volume, reason }
             }
+        }
+    }
+
+    /// Vectors per vertex in the caller's order, moved by `by`.
+    pub(crate) fn returned(&self, vectors: &[DVec3], by: DVec3) -> Vec<DVec3> {
+        match self.order {
+            Some(order) => parallel::collect(vectors.len(), |v| moved(vectors[order.places[v] as usize], by)),
+            None => parallel::collect(vectors.len(), |v| moved(vectors[v], by)),
+        }
+    }
+
+    /// Vectors per vertex, in the caller's order, in the order here.
+    pub(crate) fn ordered<'b>(&self, vectors: &'b [DVec3]) -> Cow<'b, [DVec3]> {
+        match self.order {
+            Some(order) => Cow::Owned(parallel::collect(vectors.len(), |i| vectors[order.vertices[i] as usize])),
+            None => Cow::Borrowed(vectors),
         }
     }
 
@@ -689,6 +737,7 @@ impl<'a> Problem<'a> {
             volumes: solid.volumes(&posed),
             posed,
             origin: self.origin,
+            order: None,
             extent: self.extent,
             tilt: Some(tilt),
         }
@@ -880,9 +929,9 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Measures `state` and takes away what rounding left of the deficits: by small steps of the same kind, `step(state,
+    /// Measures `state` and takes away what rounding left of the deficits: by small steps of the same kind, `after(state,
     /// deficits, round)` (`None` where no such step exists any more), and at last by the choice of roundings.
-    pub(crate) fn finished(&self, state: State, step: impl Fn(&State, &[f64], usize) -> Option<Step>) -> State {
+    pub(crate) fn finished(&self, state: State, after: impl Fn(&State, &[f64], usize) -> Option<State>) -> State {
         /// More: nothing left to gain after two or three; fewer: thin models end further off than they need.
         const ROUNDS: usize = 4;
         let error =
@@ -896,7 +945,7 @@ impl<'a> Problem<'a> {
                 break;
             }
             let next = if round < ROUNDS {
-                step(&state, &deficits, round).map(|step| state.after(&step))
+                after(&state, &deficits, round)
             } else {
                 Some(self.rounded_otherwise(&state, &deficits))
             };
@@ -942,14 +991,15 @@ impl<'a> Problem<'a> {
         next
     }
 
-    /// The smallest step that takes away `deficits` to first order; `None` where there is none.
-    pub(crate) fn least_step(&self, state: &State, deficits: &[f64]) -> Option<Step> {
+    /// `state` after the smallest step that takes away `deficits` to first order; `None` where there is none.
+    pub(crate) fn after_least(&self, state: &State, deficits: &[f64]) -> Option<State> {
         let normals = self.normals(&self.slopes(state));
-        Some(self.step(&self.least(&normals, deficits).ok()?))
+        Some(state.after(&self.step(&self.least(&normals, deficits).ok()?)))
     }
 }
 
 /// Σ |g| over the vertices.
 pub(crate) fn spread(gradient: &[DVec3]) -> f64 {
-    gradient.iter().map(|g| g.length()).sum()
+    let of = |range: std::ops::Range<usize>| gradient[range].iter().map(|g| g.length()).sum::<f64>();
+    parallel::map_chunks(gradient.len(), parallel::CHUNK, of).iter().sum()
 }

@@ -25,7 +25,7 @@ use glam::DVec3;
 
 use crate::axes::{self, Axis};
 use crate::coarse::Coarse;
-use crate::correct::{CorrectError, Normals, Problem, State, Tilt};
+use crate::correct::{CorrectError, Normals, Problem, Slope, State, Tilt};
 use crate::gradient;
 use crate::rows::{add, dot};
 use crate::tolerances;
@@ -47,6 +47,8 @@ struct Iterate {
     state: State,
     /// δ = R z (#unknowns).
     z: Vec<f64>,
+    /// ∇V (#goals).
+    slopes: Vec<Slope>,
     normals: Normals,
     /// μ (#goals).
     multipliers: Vec<f64>,
@@ -66,8 +68,8 @@ pub(crate) fn corrected(problem: &Problem, start: State) -> Result<(State, f64),
         None => search.minimum(search.first(start)?),
     };
     let residual = best.residual_norm;
-    let end =
-        problem.finished(problem.with_points(best.state)?, |state, deficits, _| problem.least_step(state, deficits));
+    let end = problem.with_points(best.state)?;
+    let end = problem.finished(end, |state, deficits, _| problem.after_least(state, deficits));
     Ok((end, residual))
 }
 
@@ -150,8 +152,8 @@ impl Search<'_> {
         let plain = problem.standing_for(&coarse.solid, &coarse.binding, coarse.posed.clone(), level);
         let there = Search { problem: &plain }.state_at(&at.z, 0);
         let mut tilt = Tilt { offset: Vec::new(), slope: Vec::new() };
-        let fine = problem.slopes(&at.state);
-        for ((fine, coarse), (fine_volume, coarse_volume)) in fine
+        for ((fine, coarse), (fine_volume, coarse_volume)) in at
+            .slopes
             .iter()
             .zip(plain.slopes(&there))
             .zip(problem.goal_volumes(&at.state).into_iter().zip(plain.goal_volumes(&there)))
@@ -173,7 +175,8 @@ impl Search<'_> {
     /// A state with all that the next step needs.
     fn iterate(&self, state: State, z: Vec<f64>) -> Iterate {
         let problem = self.problem;
-        let normals = problem.normals(&problem.slopes(&state));
+        let slopes = problem.slopes(&state);
+        let normals = problem.normals(&slopes);
         let multipliers = normals.rows.multipliers(&z);
         let mut residual = z.clone();
         problem.project(&mut residual);
@@ -181,16 +184,16 @@ impl Search<'_> {
             add(&mut residual, -multiplier, h);
         }
         let residual_norm = largest(&problem.metric.displacement(&residual)) / problem.extent;
-        Iterate { state, z, normals, multipliers, residual, residual_norm }
+        Iterate { state, z, slopes, normals, multipliers, residual, residual_norm }
     }
 
     /// The pose of z.
     fn state_at(&self, z: &[f64], steps: usize) -> State {
         let problem = self.problem;
-        let step = problem.step(z);
-        let vertices: Vec<DVec3> = problem.posed.iter().zip(&step.vertices).map(|(p, d)| *p + *d).collect();
+        let displacement = problem.metric.displacement(z);
+        let vertices = problem.binding.displaced(&problem.posed, &displacement);
         let volumes = problem.solid.volumes(&vertices);
-        State { displacement: step.controls, vertices, volumes, steps }
+        State { displacement, vertices, volumes, steps }
     }
 
     /// The next pose on the surface that is nearer, by a Newton step or a fraction of it.
