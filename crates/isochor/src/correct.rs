@@ -23,6 +23,7 @@
 //! - Impossible requests are found before anything moves, and named.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use glam::DVec3;
 
@@ -527,6 +528,7 @@ impl<'a> Corrector<'a> {
             return Err(CorrectError::Torn { a: a.min(b), b: a.max(b) });
         }
         let volumes = solid.volumes(&posed);
+        let posed = Arc::new(posed);
         let goals = Goals::new(&wanted.volumes, solid.component_count()).map_err(|fault| match fault {
             GoalFault::Missing { goal, component } => {
                 CorrectError::MissingComponent { goal, component, components: solid.component_count() }
@@ -609,7 +611,7 @@ pub(crate) struct Problem<'a> {
     /// What moves a point, where there are points.
     pub(crate) rows: Option<PointRows>,
     /// The posed vertices (#vertices × 3), relative to `origin`.
-    pub(crate) posed: Vec<DVec3>,
+    pub(crate) posed: Arc<Vec<DVec3>>,
     origin: DVec3,
     /// The order of vertices here; `None`: as the caller has them.
     order: Option<&'a Order>,
@@ -635,7 +637,7 @@ pub(crate) struct State {
     /// δ so far (#controls × 3).
     pub(crate) displacement: Vec<DVec3>,
     /// X + W δ (#vertices × 3).
-    pub(crate) vertices: Vec<DVec3>,
+    pub(crate) vertices: Arc<Vec<DVec3>>,
     /// Its volumes.
     pub(crate) volumes: Volumes,
     pub(crate) steps: usize,
@@ -676,7 +678,7 @@ impl State {
         let vertex = |v: usize| moved(self.vertices[v], step.vertices[v] * t);
         Self {
             displacement: self.displacement.iter().zip(&step.controls).map(|(d, by)| moved(*d, *by * t)).collect(),
-            vertices: parallel::collect(self.vertices.len(), vertex),
+            vertices: Arc::new(parallel::collect(self.vertices.len(), vertex)),
             volumes: self.volumes.clone(),
             steps: self.steps + 1,
         }
@@ -715,7 +717,7 @@ impl<'a> Problem<'a> {
     /// The pose itself.
     fn posed_state(&self) -> State {
         let displacement = vec![DVec3::ZERO; self.binding.control_count()];
-        State { displacement, vertices: self.posed.clone(), volumes: self.volumes.clone(), steps: 0 }
+        State { displacement, vertices: Arc::clone(&self.posed), volumes: self.volumes.clone(), steps: 0 }
     }
 
     /// The same request for another body and binding with the volumes tilted.
@@ -723,7 +725,7 @@ impl<'a> Problem<'a> {
         &'b self,
         solid: &'b Solid,
         binding: &'b Binding,
-        posed: Vec<DVec3>,
+        posed: &Arc<Vec<DVec3>>,
         tilt: Tilt,
     ) -> Problem<'b> {
         Problem {
@@ -734,8 +736,8 @@ impl<'a> Problem<'a> {
             goals: self.goals.clone(),
             points: self.points,
             rows: self.rows.clone(),
-            volumes: solid.volumes(&posed),
-            posed,
+            volumes: solid.volumes(posed),
+            posed: Arc::clone(posed),
             origin: self.origin,
             order: None,
             extent: self.extent,
@@ -787,10 +789,12 @@ impl<'a> Problem<'a> {
 
     /// Whether every goal is met, to its own rounding.
     pub(crate) fn is_met(&self, state: &State) -> bool {
-        self.deficits(state)
-            .iter()
-            .zip(&self.goals.targets)
-            .all(|(d, t)| d.abs() <= tolerances::VOLUME_ROUNDING * t.abs())
+        self.deficits(state).iter().enumerate().all(|(goal, deficit)| self.is_within_rounding(goal, *deficit))
+    }
+
+    /// Whether a deficit is no more than the rounding of its goal.
+    pub(crate) fn is_within_rounding(&self, goal: usize, deficit: f64) -> bool {
+        deficit.abs() <= tolerances::VOLUME_ROUNDING * self.goals.targets[goal].abs()
     }
 
     /// The goal that is missed most, relatively; none without goals.
@@ -968,6 +972,7 @@ impl<'a> Problem<'a> {
         let free: Vec<usize> =
             (0..state.vertices.len()).filter(|v| !self.solid.has_twin(*v) && concerns(*v) == 1).collect();
         let mut next = state.clone();
+        let vertices = Arc::make_mut(&mut next.vertices);
         for (gradient, &deficit) in gradients.iter().zip(deficits) {
             let mut units: Vec<(f64, usize, usize)> = free
                 .iter()
@@ -979,7 +984,7 @@ impl<'a> Problem<'a> {
             units.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
             let mut open = deficit;
             for (effect, v, a) in units {
-                let x = &mut next.vertices[v][a];
+                let x = &mut vertices[v][a];
                 if (open - effect).abs() < open.abs() {
                     (*x, open) = (x.next_up(), open - effect);
                 } else if (open + effect).abs() < open.abs() {

@@ -9,10 +9,14 @@
 //! The root is the one that is reached from t = 0 without the volume turning back on the way. Several volumes at once go along all
 //! their gradients, `Σ t_c D_c`: coupled polynomials, followed from t = 0 in the same way.
 
+use std::ops::Range;
+
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef};
+use glam::DVec3;
 
 use crate::correct::{CorrectError, Problem, Reason, State, Step};
+use crate::double;
 use crate::parallel;
 use crate::rows::{add, dot};
 use crate::tolerances;
@@ -70,23 +74,18 @@ impl Line {
         const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
         let d = &self.unit.vertices;
         let g = problem.goals.vertex_gradient(0, problem.solid, d);
-        let x = &state.vertices;
-        // g·x and g·d with the sums of their magnitudes, in fixed chunks.
-        let of_chunk = |range: std::ops::Range<usize>| {
-            let mut sums = [0.0; 4];
-            for v in range {
-                let (first, second) = (g[v] * x[v], g[v] * d[v]);
-                let terms = [first, first.abs(), second, second.abs()].map(|term| term.element_sum());
-                sums.iter_mut().zip(terms).for_each(|(sum, term)| *sum += term);
-            }
-            sums
+        // Σ a·b, 0 where it is rounding; in fixed chunks.
+        let product = |a: &[DVec3], b: &[DVec3]| {
+            let of_chunk = |range: Range<usize>| {
+                let pairs = a[range.clone()].iter().zip(&b[range]);
+                double::dot(pairs.flat_map(|(a, b)| a.to_array().into_iter().zip(b.to_array())))
+            };
+            let parts = parallel::map_chunks(a.len(), parallel::CHUNK, of_chunk);
+            let (sum, magnitude) =
+                parts.into_iter().fold((0.0, 0.0), |sums: (f64, f64), part| (sums.0 + part.0, sums.1 + part.1));
+            if sum.abs() <= ROUNDINGS * magnitude { 0.0 } else { sum }
         };
-        let mut sums = [0.0; 4];
-        for chunk in parallel::map_chunks(g.len(), parallel::CHUNK, of_chunk) {
-            sums.iter_mut().zip(chunk).for_each(|(sum, part)| *sum += part);
-        }
-        let significant = |sum: f64, magnitude: f64| if sum.abs() <= ROUNDINGS * magnitude { 0.0 } else { sum };
-        Cubic { a1: self.slope, a2: significant(sums[0], sums[1]), a3: significant(sums[2], sums[3]) / 3.0 }
+        Cubic { a1: self.slope, a2: product(&g, &state.vertices), a3: product(&g, d) / 3.0 }
     }
 }
 
