@@ -261,7 +261,7 @@ enum Strength {
 struct Surface {
     /// ∂V/∂P of each goal (#goals × #vertices × 3).
     gradients: Vec<Vec<DVec3>>,
-    /// Σ |∂V/∂p| of each.
+    /// Σ |∂V/∂p|₁ of each.
     spread: Vec<f64>,
     /// How they depend on displacements along each axis, once that was asked for.
     pulls: Vec<Option<Pulls>>,

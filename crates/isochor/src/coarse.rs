@@ -7,10 +7,10 @@
 use std::sync::Arc;
 
 use glam::DVec3;
-use rustc_hash::FxHashMap;
 
 use crate::binding::Binding;
 use crate::mesh::Bounds;
+use crate::parallel;
 use crate::volume::Solid;
 
 /// Vertices below which a body is its own stand-in. More: medium models take longer than they need; fewer: the stand-in is hardly
@@ -18,7 +18,7 @@ use crate::volume::Solid;
 const LEAST_VERTICES: usize = 30_000;
 
 /// Cells along the longest side of the body. More: fewer fine evaluations; fewer: cheaper coarse ones.
-const CELLS: f64 = 32.0;
+const CELLS: usize = 32;
 
 /// A body of few vertices, their binding and their posed positions.
 pub(crate) struct Coarse {
@@ -44,32 +44,38 @@ impl Coarse {
 
 /// The cluster of each point (#points), numbered by first member, and the representative of each cluster. `None` without extent.
 fn clusters(points: &[DVec3]) -> Option<(Vec<u32>, Vec<u32>)> {
+    /// Cells along a side, the one at its end included.
+    const SIDE: usize = CELLS + 1;
     let bounds = Bounds::of(points)?;
-    let per_length = CELLS / bounds.extent();
+    let per_length = CELLS as f64 / bounds.extent();
     if !per_length.is_finite() {
         return None;
     }
-    let mut by_cell = FxHashMap::default();
-    let cell = |p: &DVec3| ((*p - bounds.min) * per_length).to_array().map(|x| x as u32);
-    let cluster_of: Vec<u32> = points
-        .iter()
-        .map(|p| {
-            let next = by_cell.len() as u32;
-            *by_cell.entry(cell(p)).or_insert(next)
-        })
-        .collect();
-    let mut means = vec![(DVec3::ZERO, 0.0); by_cell.len()];
-    for (point, &cluster) in points.iter().zip(&cluster_of) {
-        let (sum, count) = &mut means[cluster as usize];
+    let cells = parallel::collect(points.len(), |v| {
+        let [x, y, z] = ((points[v] - bounds.min) * per_length).to_array().map(|x| (x as usize).min(CELLS));
+        ((x * SIDE + y) * SIDE + z) as u32
+    });
+    let mut sums = vec![(DVec3::ZERO, 0.0); SIDE * SIDE * SIDE];
+    for (point, &cell) in points.iter().zip(&cells) {
+        let (sum, count) = &mut sums[cell as usize];
         *sum += *point;
         *count += 1.0;
     }
-    let mut nearest = vec![(f64::INFINITY, u32::MAX); means.len()];
-    for ((v, point), &cluster) in (0..).zip(points).zip(&cluster_of) {
-        let (sum, count) = means[cluster as usize];
+    let mut cluster_of_cell = vec![u32::MAX; sums.len()];
+    let mut nearest: Vec<(f64, u32)> = Vec::new();
+    let mut cluster_of = cells;
+    for ((v, point), cluster) in (0..).zip(points).zip(&mut cluster_of) {
+        let (sum, count) = sums[*cluster as usize];
         let distance = point.distance_squared(sum / count);
-        if distance < nearest[cluster as usize].0 {
-            nearest[cluster as usize] = (distance, v);
+        let known = &mut cluster_of_cell[*cluster as usize];
+        if *known == u32::MAX {
+            *known = nearest.len() as u32;
+            nearest.push((f64::INFINITY, v));
+        }
+        *cluster = *known;
+        let best = &mut nearest[*known as usize];
+        if distance < best.0 {
+            *best = (distance, v);
         }
     }
     Some((cluster_of, nearest.into_iter().map(|(_, v)| v).collect()))

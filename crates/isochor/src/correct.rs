@@ -653,7 +653,7 @@ pub(crate) struct Step {
 pub(crate) struct Slope {
     /// ∇V (#controls × 3).
     pub(crate) controls: Vec<DVec3>,
-    /// Σ |∂V/∂p| over the vertices: at most the surface's area, and the scale on which ∇V is rounded.
+    /// Σ |∂V/∂p|₁ over the vertices: about the surface's area, and the scale on which ∇V is rounded.
     pub(crate) spread: f64,
 }
 
@@ -1003,8 +1003,8 @@ impl<'a> Problem<'a> {
     }
 }
 
-/// Σ |g| over the vertices.
+/// Σ |g|₁ over the vertices (the sum of the coordinates' magnitudes).
 pub(crate) fn spread(gradient: &[DVec3]) -> f64 {
-    let of = |range: std::ops::Range<usize>| gradient[range].iter().map(|g| g.length()).sum::<f64>();
+    let of = |range: std::ops::Range<usize>| gradient[range].iter().map(|g| g.abs()).sum::<DVec3>().element_sum();
     parallel::map_chunks(gradient.len(), parallel::CHUNK, of).iter().sum()
 }

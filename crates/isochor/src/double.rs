@@ -13,8 +13,8 @@
 
 use std::ops::{Add, AddAssign};
 
+use fearless_simd::f64x8;
 use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch, f64x8};
 
 /// The unevaluated sum `hi + lo`, |lo| ≤ ulp(hi)/2: about 106 significant bits.
 #[derive(Clone, Copy, Debug, Default, PartialEq)]
@@ -134,44 +134,10 @@ impl<S: Simd> Lanes<S> {
     }
 }
 
-/// `Σ a_i b_i` with the error of one rounding, and `Σ |a_i b_i|`, which tells how much cancelled.
-pub(crate) fn dot(terms: impl Iterator<Item = (f64, f64)>) -> (f64, f64) {
-    dispatch!(Level::new(), simd => match is_fused(simd) {
-        true => lanes_dot::<_, true>(simd, terms),
-        false => lanes_dot::<_, false>(simd, terms),
-    })
-}
-
-#[inline(always)]
-fn lanes_dot<S: Simd, const FUSED: bool>(simd: S, mut terms: impl Iterator<Item = (f64, f64)>) -> (f64, f64) {
-    const BATCH: usize = 64;
-    let (mut a, mut b) = ([0.0; BATCH], [0.0; BATCH]);
-    let (mut sum, mut magnitude) = (Lanes::zero(simd), f64x8::splat(simd, 0.0));
-    loop {
-        let mut count = 0;
-        for (x, y) in terms.by_ref().take(BATCH) {
-            (a[count], b[count]) = (x, y);
-            count += 1;
-        }
-        if count == 0 {
-            break;
-        }
-        a[count..].fill(0.0);
-        for (a, b) in a.chunks_exact(8).zip(b.chunks_exact(8)).take(count.div_ceil(8)) {
-            let p = Lanes::product::<FUSED>(f64x8::from_slice(simd, a), f64x8::from_slice(simd, b));
-            magnitude += p.hi.abs();
-            sum = sum.plus(p);
-        }
-    }
-    let mut total = 0.0;
-    for lane in 0..8 {
-        total += magnitude[lane];
-    }
-    (sum.total().value(), total)
-}
-
 #[cfg(test)]
 mod tests {
+    use fearless_simd::{Level, dispatch};
+
     use super::*;
 
     #[test]
@@ -183,9 +149,6 @@ mod tests {
 
     #[test]
     fn products_are_exact_with_and_without_fused_multiply_adds() {
-        // (1 + 2^-30)(1 − 2^-30) = 1 − 2^-60
-        let e = 2f64.powi(-30);
-        assert_eq!(dot([(1.0 + e, 1.0 - e), (1.0, -1.0)].into_iter()).0, -2f64.powi(-60));
         let factors =
             |k: i32| [0, 1, 2, 3, 4, 5, 6, 7].map(|i| f64::from(7 * i + 3 - k).sqrt() * 10f64.powi(k * (i - 3)));
         let (a, b) = (factors(2), factors(-5));
@@ -197,14 +160,5 @@ mod tests {
                 assert_eq!(Lanes::product::<true>(a, b).lo.as_slice(), expected);
             }
         });
-    }
-
-    #[test]
-    fn dots_of_any_length_take_every_term_once() {
-        for n in [0, 1, 7, 8, 9, 63, 64, 65, 1000] {
-            let (sum, magnitude) = dot((1..=n).map(|i| (f64::from(i), if i % 2 == 0 { 1.0 } else { -1.0 })));
-            let whole = f64::from(n * (n + 1) / 2);
-            assert_eq!((sum, magnitude), (if n % 2 == 0 { f64::from(n / 2) } else { -f64::from((n + 1) / 2) }, whole));
-        }
     }
 }

@@ -16,7 +16,6 @@ use faer::{Mat, MatRef};
 use glam::DVec3;
 
 use crate::correct::{CorrectError, Problem, Reason, State, Step};
-use crate::double;
 use crate::parallel;
 use crate::rows::{add, dot};
 use crate::tolerances;
@@ -74,19 +73,32 @@ impl Line {
         const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
         let d = &self.unit.vertices;
         let g = problem.goals.vertex_gradient(0, problem.solid, d);
-        // Σ a·b, 0 where it is rounding; in fixed chunks.
         let product = |a: &[DVec3], b: &[DVec3]| {
-            let of_chunk = |range: Range<usize>| {
-                let pairs = a[range.clone()].iter().zip(&b[range]);
-                double::dot(pairs.flat_map(|(a, b)| a.to_array().into_iter().zip(b.to_array())))
-            };
-            let parts = parallel::map_chunks(a.len(), parallel::CHUNK, of_chunk);
-            let (sum, magnitude) =
-                parts.into_iter().fold((0.0, 0.0), |sums: (f64, f64), part| (sums.0 + part.0, sums.1 + part.1));
+            let (sum, magnitude) = product_and_magnitude(a, b);
             if sum.abs() <= ROUNDINGS * magnitude { 0.0 } else { sum }
         };
         Cubic { a1: self.slope, a2: product(&g, &state.vertices), a3: product(&g, d) / 3.0 }
     }
+}
+
+/// Σ a·b and the sum of the terms' magnitudes; in fixed chunks of short blocks, so that rounding stays small beside the latter.
+fn product_and_magnitude(a: &[DVec3], b: &[DVec3]) -> (f64, f64) {
+    const BLOCK: usize = 64;
+    let of_chunk = |range: Range<usize>| {
+        let (mut sum, mut magnitude) = (DVec3::ZERO, DVec3::ZERO);
+        for (a, b) in a[range.clone()].chunks(BLOCK).zip(b[range].chunks(BLOCK)) {
+            let (mut block, mut block_magnitude) = (DVec3::ZERO, DVec3::ZERO);
+            for (a, b) in a.iter().zip(b) {
+                block += *a * *b;
+                block_magnitude += (*a * *b).abs();
+            }
+            sum += block;
+            magnitude += block_magnitude;
+        }
+        (sum.element_sum(), magnitude.element_sum())
+    };
+    let parts = parallel::map_chunks(a.len(), parallel::CHUNK, of_chunk);
+    parts.into_iter().fold((0.0, 0.0), |(sum, magnitude), part| (sum + part.0, magnitude + part.1))
 }
 
 /// The step for several goals: `Σ t_c D_c` with `D_c = R h_c`, h_c the goals' normals at the start, such that all volumes come out. t is

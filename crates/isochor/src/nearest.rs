@@ -15,7 +15,7 @@
 //! *Coarse level.* On a large mesh the search runs on a coarse stand-in ([`crate::coarse`]) whose volumes are tilted by a linear function
 //! of δ such that they and their gradients agree with the fine ones at the last fine iterate; then the fine mesh is evaluated at what
 //! was found, and so on (defect correction). The coarse Hessian is all that is not exact, so a few fine evaluations reach the fine
-//! mesh's own condition. Where that does not come nearer any more, the search goes on on the fine mesh.
+//! mesh's own condition, the fewer as earlier ones are mixed in (Anderson). Where that does not come nearer any more, the search goes on on the fine mesh.
 //!
 //! # Changes versus the paper
 //!
@@ -29,7 +29,7 @@ use crate::axes::{self, Axis};
 use crate::coarse::Coarse;
 use crate::correct::{CorrectError, Normals, Problem, Slope, State, Tilt};
 use crate::gradient;
-use crate::rows::{add, dot};
+use crate::rows::{Rows, add, dot};
 use crate::tolerances;
 
 /// Newton steps at most. Ordinary poses take 3 to 6; more than 50 only where |z| is almost flat.
@@ -125,11 +125,12 @@ impl Search<'_> {
         let z = problem.metric.coordinates(&start.displacement);
         let mut best = self.iterate(start.clone(), z);
         let mut missing = f64::INFINITY;
+        let mut mixed = Mixed::default();
         for _ in 0..ROUNDS {
-            let Some(z) = self.coarse_minimum(coarse, &best) else { break };
+            let Some(found) = self.coarse_minimum(coarse, &best) else { break };
+            let z = mixed.next(&best.z, found);
             let next = self.iterate(self.state_at(&z, best.state.steps + 1), z);
-            let to_surface = problem.least(&next.normals, &problem.deficits(&next.state));
-            let Ok(to_surface) = to_surface else { break };
+            let Ok(to_surface) = problem.least(&next.normals, &problem.deficits(&next.state)) else { break };
             let off = largest(&problem.metric.displacement(&to_surface)) / problem.extent;
             let still_missing = next.residual_norm.max(off);
             if !(still_missing <= 0.5 * missing) {
@@ -322,6 +323,38 @@ impl Search<'_> {
             square = next;
         }
         d
+    }
+}
+
+/// A fixed-point iteration z ← G(z), hastened: D. G. Anderson, *Iterative procedures for nonlinear integral equations*, 1965.
+#[derive(Default)]
+struct Mixed {
+    /// G(z) and G(z) − z of the last round.
+    last: Option<(Vec<f64>, Vec<f64>)>,
+    /// Differences of G(z) between rounds.
+    steps: Vec<Vec<f64>>,
+    /// Differences of G(z) − z between rounds.
+    changes: Rows,
+}
+
+impl Mixed {
+    /// The next z, where `found` is G(z): the combination of all G so far of which the same combination of G(z) − z is least.
+    fn next(&mut self, z: &[f64], found: Vec<f64>) -> Vec<f64> {
+        let mut gap = found.clone();
+        add(&mut gap, -1.0, z);
+        if let Some((last_found, last_gap)) = &self.last {
+            let (mut step, mut change) = (found.clone(), gap.clone());
+            add(&mut step, -1.0, last_found);
+            add(&mut change, -1.0, last_gap);
+            self.steps.push(step);
+            self.changes.push(change, 0.0);
+        }
+        let mut next = found.clone();
+        for (part, step) in self.changes.multipliers(&gap).iter().zip(&self.steps) {
+            add(&mut next, -part, step);
+        }
+        self.last = Some((found, gap));
+        next
     }
 }
 

@@ -9,7 +9,7 @@ pub const INSIDE: f64 = 1e-9;
 /// smaller: rounding noise of an open or doubled surface is taken for a volume.
 pub const NO_VOLUME: f64 = 1e-9;
 
-/// An axis is dead where `Σ m α² ≤ (DEAD_AXIS · area)² max m`: volume hardly depends on it. Larger: weak axes are given up
+/// An axis is dead where `Σ m α² ≤ (DEAD_AXIS · Σ |∂V/∂p|)² max m`, the sum over the vertices: volume hardly depends on it. Larger: weak axes are given up
 /// that could still work; smaller: control points run away.
 pub const DEAD_AXIS: f64 = 1e-12;
 
