@@ -56,6 +56,21 @@ impl Binding {
         Self { size, lengths, starts, rows, kept }
     }
 
+    /// The rows of `vertices` alone, in that order: the binding of fewer vertices to the same controls.
+    ///
+    /// # Panics
+    ///
+    /// Panics where a vertex is not less than [`Binding::vertex_count`].
+    #[must_use]
+    pub fn rows_of(&self, vertices: &[u32]) -> Self {
+        let stride = self.lengths.iter().sum::<usize>();
+        let row = |v: &u32| &self.rows[*v as usize * stride..(*v as usize + 1) * stride];
+        let rows: Vec<f64> = vertices.iter().flat_map(row).copied().collect();
+        let kept = rows.chunks_exact(stride).filter(|row| row.iter().all(|w| *w == 0.0)).count();
+        let starts = vertices.iter().map(|v| self.starts[*v as usize]).collect();
+        Self { size: self.size, lengths: self.lengths, starts, rows, kept }
+    }
+
     /// Number of vertices: rows of W.
     #[must_use]
     pub fn vertex_count(&self) -> usize {

@@ -93,6 +93,7 @@ mod posed;
 mod report;
 mod select;
 pub mod shapes;
+mod simplify;
 pub mod tolerances;
 mod topology;
 mod volume;

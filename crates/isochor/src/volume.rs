@@ -326,7 +326,7 @@ impl Solid {
     }
 
     /// The points relative to an origin near them, which does not round, followed by the apexes of the caps.
-    fn near_with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
+    pub(crate) fn near_with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
         assert_eq!(points.len(), self.vertices, "one point for each vertex of the solid");
         let origin = Bounds::of(points).map_or(DVec3::ZERO, |b| b.lossless_origin());
         if self.caps.is_empty() && origin == DVec3::ZERO {
@@ -339,6 +339,62 @@ impl Solid {
             near.push(sum / cap.members.len() as f64);
         }
         Cow::Owned(near)
+    }
+
+    /// The triangles of component `c` without those of its caps, and those of its caps.
+    pub(crate) fn component(&self, c: usize) -> (&[[u32; 3]], &[[u32; 3]]) {
+        let triangles = &self.triangles[self.components[c].clone()];
+        let caps = triangles.iter().rev().take_while(|t| t[2] as usize >= self.vertices).count();
+        triangles.split_at(triangles.len() - caps)
+    }
+
+    /// For each vertex the first at the same place at rest (#vertices).
+    pub(crate) fn welded(&self) -> Vec<u32> {
+        let mut welded: Vec<u32> = (0..self.vertices as u32).collect();
+        self.twins.iter().for_each(|[first, v]| welded[*v as usize] = *first);
+        welded
+    }
+
+    /// The same body with other triangles: those of each component in order. Its caps stay.
+    pub(crate) fn resurfaced(&self, surfaces: &[Vec<[u32; 3]>]) -> Self {
+        let (mut triangles, mut components) = (Vec::new(), Vec::new());
+        for (c, surface) in surfaces.iter().enumerate() {
+            let start = triangles.len();
+            triangles.extend_from_slice(surface);
+            triangles.extend_from_slice(self.component(c).1);
+            components.push(start..triangles.len());
+        }
+        let (incident_starts, incident) = incidence(&triangles, self.vertices + self.caps.len());
+        let (caps, twins, has_twin) = (self.caps.clone(), self.twins.clone(), self.has_twin.clone());
+        Self { vertices: self.vertices, triangles, components, caps, incident_starts, incident, twins, has_twin }
+    }
+
+    /// The same body over those vertices alone that its triangles name, and which these are (ascending): for a
+    /// [`Solid::coarse`] one, whose other vertices do not count.
+    #[must_use]
+    pub fn compacted(&self) -> (Self, Vec<u32>) {
+        let mut number = vec![u32::MAX; self.vertices + self.caps.len()];
+        self.triangles.as_flattened().iter().for_each(|v| number[*v as usize] = 0);
+        let named: Vec<u32> = (0..number.len() as u32).filter(|v| number[*v as usize] == 0).collect();
+        (0..).zip(&named).for_each(|(n, v)| number[*v as usize] = n);
+        let vertices = named.partition_point(|v| (*v as usize) < self.vertices);
+        let renumbered = |v: &u32| number[*v as usize];
+        let triangles: Vec<[u32; 3]> = self.triangles.iter().map(|t| t.each_ref().map(renumbered)).collect();
+        let cap = |cap: &Cap| Cap { members: cap.members.iter().map(renumbered).collect() };
+        let twins =
+            self.twins.iter().map(|pair| pair.each_ref().map(renumbered)).filter(|pair| !pair.contains(&u32::MAX));
+        let (incident_starts, incident) = incidence(&triangles, named.len());
+        let solid = Self {
+            vertices,
+            triangles,
+            components: self.components.clone(),
+            caps: self.caps.iter().map(cap).collect(),
+            incident_starts,
+            incident,
+            twins: twins.collect(),
+            has_twin: named[..vertices].iter().map(|v| self.has_twin[*v as usize]).collect(),
+        };
+        (solid, named[..vertices].to_vec())
     }
 }
 
