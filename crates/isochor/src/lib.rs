@@ -90,6 +90,7 @@ mod outcome;
 mod parallel;
 mod points;
 mod posed;
+mod preview;
 mod report;
 mod select;
 pub mod shapes;
@@ -117,6 +118,7 @@ pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{JobError, JobInput, Outcome, PosedLattice, Stage};
 pub use points::PointTarget;
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
+pub use preview::Preview;
 pub use report::{CorrectionReport, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
 pub use select::{ControlSpace, SelectError, Selector};
 pub use topology::{Topology, UnbalancedEdge, topology};
@@ -127,4 +129,6 @@ pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 mod pages {
     #[doc = include_str!("../../../docs/correct.md")]
     mod correct {}
+    #[doc = include_str!("../../../docs/preview.md")]
+    mod preview {}
 }

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use crate::binding::{Binding, displaced, translated};
 use crate::bspline::{Basis, BasisError};
-use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Reason, Status, correct};
+use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, correct};
 use crate::edit::EditError;
 use crate::health::{Health, Source};
 use crate::job::{
@@ -17,6 +17,7 @@ use crate::job::{
 use crate::lattice::{Frame, Lattice, LatticeError, Outside};
 use crate::mesh::{Bounds, Mesh};
 use crate::points::PointTarget;
+use crate::preview::Preview;
 use crate::report::{CorrectionReport, Report, Stopwatch, VolumeReport, VolumeRow};
 use crate::select::{ControlSpace, SelectError};
 use crate::tolerances;
@@ -334,8 +335,27 @@ impl Job {
             let posed_volumes = body.solid.volumes(&points);
             let target = target_volume(&self.preserve.volume, &body, &posed_volumes)?;
             let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
-            let corrected = correct(&pose, target * body.orientation, &options)
-                .map_err(|error| error.oriented(body.orientation))?;
+            let corrected = match self.preserve.preview {
+                None => correct(&pose, target * body.orientation, &options),
+                Some(0) => {
+                    let problem = "is 0: it is a number of triangles, such as 20000".into();
+                    return Err(JobError::Value { key: "preserve.preview", problem });
+                }
+                Some(triangles) => {
+                    let preview = Preview::new(&pose, triangles)?;
+                    watch.lap("simplify");
+                    let corrected = preview.correct(&pose, target * body.orientation, &options);
+                    if let Ok(Correction { status: Status::Preview, relative_error, .. }) = &corrected {
+                        let (few, all) = (preview.triangle_count(), body.solid.triangle_count());
+                        warnings.push(format!(
+                            "This is a preview: the volume is approximate, off by {:.1e} of the target, because {few} of {all} triangles \
+                             were corrected. Leave preview out for the exact volume.", relative_error
+                        ));
+                    }
+                    corrected
+                }
+            };
+            let corrected = corrected.map_err(|error| error.oriented(body.orientation))?;
             if let (Status::NotNearest, Some(residual)) = (corrected.status, corrected.residual) {
                 return Err(JobError::NotConverged { residual, limit: tolerances::KKT_ENOUGH });
             }
