@@ -183,6 +183,9 @@ pub struct DeformArgs {
     /// A vertex that must come to an exact place, in model coordinates: 1204:0.1,0.2,0.9. May be repeated.
     #[arg(long, value_name = "VERTEX:X,Y,Z", help_heading = "Volume")]
     pub point: Vec<String>,
+    /// Correct a mesh of about so many faces instead of the model, for speed: the volume is then approximate.
+    #[arg(long, value_name = "FACES", value_parser = clap::value_parser!(u32).range(1..), help_heading = "Volume")]
+    pub preview: Option<u32>,
     /// What to do about open models.
     #[arg(long, value_enum, help_heading = "Volume")]
     pub open: Option<OpenArg>,

@@ -196,6 +196,9 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
     for text in &args.point {
         preserve.points.push(flags::point(text)?);
     }
+    if let Some(triangles) = args.preview {
+        preserve.preview = Some(triangles as usize);
+    }
     match args.open {
         Some(OpenArg::Cap) => preserve.open = OpenBoundaries::Cap,
         Some(OpenArg::Refuse) => preserve.open = OpenBoundaries::Refuse,

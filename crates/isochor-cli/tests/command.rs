@@ -501,6 +501,31 @@ fn flags_change_the_result() {
 }
 
 #[test]
+fn a_preview_is_asked_for_and_says_that_it_is_one() {
+    let folder = Folder::new();
+    folder.report("ball.ply -o exact.ply --twist z=90 --stretch z=0.6");
+    let report = folder.report("ball.ply -o out.ply --twist z=90 --stretch z=0.6 --preview 100");
+    assert_eq!(report["correction"]["status"], "preview");
+    let error = number(&report, "relative_error");
+    assert!(error > 1e-13 && error < 0.05, "{report}");
+    assert!((number(&report, "final") / number(&report, "target") - 1.0).abs() <= 1.0001 * error);
+    let note = report["warnings"].as_array().unwrap().iter().find(|w| w.as_str().unwrap().contains("approximate"));
+    assert!(note.is_some(), "{report}");
+    assert!(folder.bytes("out.ply") != folder.bytes("exact.ply"));
+    let ran = folder.isochor("deform ball.ply -o out.ply --twist z=90 --stretch z=0.6 --preview 100");
+    assert_eq!(ran.code, Some(0));
+    assert!(
+        ran.stderr.contains("the volume is approximate") && ran.stderr.contains("nearest, preview"),
+        "{}",
+        ran.stderr
+    );
+
+    folder.write("preview.toml", "[preserve]\npreview = 100\n");
+    folder.report("ball.ply -o job.ply --twist z=90 --stretch z=0.6 --job preview.toml");
+    assert!(folder.bytes("job.ply") == folder.bytes("out.ply"));
+}
+
+#[test]
 fn defaults_spelled_out_change_nothing() {
     let folder = Folder::new();
     folder.report(&format!("{TWIST} --output base.obj"));
@@ -962,6 +987,9 @@ fn bad_input_ends_with_2_and_writes_nothing() {
     folder.write("cut.obj", "v 0 0 0\nv 1 0 0\nv 0 1\n");
     folder.write("point.obj", "v 0 0 0\n");
     folder.write("lattice.json", "{ \"kind\": \"lattice\" }");
+    folder.write("none.toml", "[preserve]\npreview = 0\n");
+    folder.write("half.toml", "[preserve]\npreview = 0.5\n");
+    folder.write("yes.toml", "[preserve]\npreview = true\n");
     folder.report("cube.obj -o unused.obj --lattice 4 --save-controls controls.json");
     for (line, code, fragment) in [
         ("info nowhere.obj", "file", "nowhere.obj"),
@@ -1016,6 +1044,9 @@ fn bad_input_ends_with_2_and_writes_nothing() {
             "no-cavities",
             "has no cavities",
         ),
+        ("deform cube.obj -o out.obj --twist z=90 --job none.toml", "value", "number of triangles"),
+        ("deform cube.obj -o out.obj --twist z=90 --job half.toml", "job", "line 2"),
+        ("deform cube.obj -o out.obj --twist z=90 --job yes.toml", "job", "line 2"),
         ("demo cube.obj", "file", "cube.obj"),
         ("man cube.obj", "file", "cube.obj"),
     ] {
@@ -1036,6 +1067,10 @@ fn bad_usage_ends_with_2_and_writes_nothing() {
         ("deform cube.obj -o out.obj --twits z=90", "--twits"),
         ("deform cube.obj -o out.obj --twist", "--twist"),
         ("deform cube.obj -o out.obj --threads 0", "--threads"),
+        ("deform cube.obj -o out.obj --preview 0", "--preview"),
+        ("deform cube.obj -o out.obj --preview -5", "-5"),
+        ("deform cube.obj -o out.obj --preview 1e4", "1e4"),
+        ("deform cube.obj -o out.obj --preview", "--preview"),
         ("deform cube.obj -o out.obj --basis cubic", "cubic"),
         ("deform cube.obj -o out.obj --knots tight", "tight"),
         ("deform cube.obj -o out.obj --outside drop", "drop"),

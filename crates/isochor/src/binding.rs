@@ -109,6 +109,21 @@ impl Binding {
         Self { size, lengths, starts, rows, kept }
     }
 
+    /// The rows of `vertices` alone, in that order: the binding of fewer vertices to the same controls.
+    ///
+    /// # Panics
+    ///
+    /// Panics where a vertex is not less than [`Binding::vertex_count`].
+    #[must_use]
+    pub fn rows_of(&self, vertices: &[u32]) -> Self {
+        let stride = self.lengths.iter().sum::<usize>();
+        let row = |v: &u32| &self.rows[*v as usize * stride..(*v as usize + 1) * stride];
+        let rows: Vec<f64> = vertices.iter().flat_map(row).copied().collect();
+        let kept = rows.chunks_exact(stride).filter(|row| row.iter().all(|w| *w == 0.0)).count();
+        let starts = vertices.iter().map(|v| self.starts[*v as usize]).collect();
+        Self { size: self.size, lengths: self.lengths, starts, rows, kept }
+    }
+
     /// Number of vertices: rows of W.
     #[must_use]
     pub fn vertex_count(&self) -> usize {
@@ -202,20 +217,6 @@ impl Binding {
         });
         weights.retain(|(_, w)| *w != 0.0);
         weights
-    }
-
-    /// The rows of `vertices` alone, in that order.
-    pub(crate) fn selected(&self, vertices: &[u32]) -> Self {
-        let stride = self.lengths.iter().sum::<usize>();
-        let mut rows = Vec::with_capacity(vertices.len() * stride);
-        let mut starts = Vec::with_capacity(vertices.len());
-        for &v in vertices {
-            starts.push(self.starts[v as usize]);
-            rows.extend_from_slice(&self.rows[v as usize * stride..(v as usize + 1) * stride]);
-        }
-        let is_zero = |row: &[f64]| row.iter().all(|x| *x == 0.0);
-        let kept = rows.chunks(stride).filter(|row| is_zero(row)).count();
-        Self { size: self.size, lengths: self.lengths, starts, rows, kept }
     }
 
     /// The entries (i, j, value), i ≤ j, of `Wᵀ W` (#controls × #controls) that can differ from 0, in no particular order, none twice.

@@ -36,7 +36,7 @@ impl Coarse {
         let (cluster_of, representatives) = clusters(posed)?;
         Some(Self {
             solid: solid.clustered(&cluster_of, representatives.len()),
-            binding: binding.selected(&representatives),
+            binding: binding.rows_of(&representatives),
             posed: Arc::new(representatives.iter().map(|v| posed[*v as usize]).collect()),
         })
     }

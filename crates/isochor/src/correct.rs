@@ -140,6 +140,8 @@ pub enum Status {
     /// The wanted volume is met, but [`Method::Nearest`] has not come to the smallest displacement: its residual is above
     /// [`tolerances::KKT_ENOUGH`].
     NotNearest,
+    /// The volume is approximate: the correction was made on fewer triangles by [`crate::Preview`].
+    Preview,
 }
 
 /// Why there is no correction. Nothing was changed.

@@ -28,6 +28,14 @@ pub enum Components {
 }
 
 impl VolumeGoal {
+    /// Whether it names components that exist, of `count`.
+    pub(crate) fn is_of(&self, count: usize) -> Result<(), usize> {
+        match &self.components {
+            Components::All => Ok(()),
+            Components::These(these) => these.iter().find(|c| **c >= count).map_or(Ok(()), |c| Err(*c)),
+        }
+    }
+
     /// The volume that is meant, of those of a pose.
     ///
     /// # Panics

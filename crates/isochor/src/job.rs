@@ -223,6 +223,8 @@ pub struct Preserve {
     pub open: OpenBoundaries,
     /// Whether foldings are looked for.
     pub folds: Folds,
+    /// Correct a mesh of about so many triangles instead of the model: the volume is then approximate.
+    pub preview: Option<usize>,
 }
 
 /// How the volume is corrected.

@@ -97,12 +97,14 @@ mod outcome;
 mod parallel;
 mod points;
 mod posed;
+mod preview;
 mod report;
 mod rows;
 mod select;
 mod sensitivity;
 pub mod shapes;
 mod shells;
+mod simplify;
 pub mod tolerances;
 mod topology;
 mod volume;
@@ -131,6 +133,7 @@ pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{JobError, JobInput, Outcome, PosedLattice, Stage};
 pub use points::{PointError, PointTarget, least_displacement};
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
+pub use preview::Preview;
 pub use report::{CorrectionReport, PartRow, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
 pub use select::{ControlSpace, SelectError, Selector};
 pub use sensitivity::{Cause, Effect, Sensitivity};
@@ -143,4 +146,6 @@ pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 mod pages {
     #[doc = include_str!("../../../docs/correct.md")]
     mod correct {}
+    #[doc = include_str!("../../../docs/preview.md")]
+    mod preview {}
 }

@@ -7,7 +7,7 @@ use glam::{DMat3, DVec3};
 
 use crate::binding::{Binding, BoundVertices, displaced, translated};
 use crate::bspline::{Basis, BasisError};
-use crate::correct::{CorrectError, CorrectOptions, Method, Pose, Reason, Status, Wanted, correct};
+use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, Wanted, correct};
 use crate::edit::{Edit, EditError};
 use crate::goals::{Components, VolumeGoal};
 use crate::health::{ComponentHealth, Health, Source};
@@ -19,6 +19,7 @@ use crate::lattice::{Frame, Lattice, LatticeError, Outside};
 use crate::locality::{LocalityOptions, local_mobility};
 use crate::mesh::{Bounds, Mesh};
 use crate::points::PointTarget;
+use crate::preview::Preview;
 use crate::report::{CorrectionReport, PartRow, Report, Stopwatch, VolumeReport, VolumeRow};
 use crate::select::{ControlSpace, SelectError};
 use crate::shells::Role;
@@ -432,7 +433,27 @@ impl Job {
             let wanted = Wanted { volumes: goals, points: self.points(&wanted_points, &binding, &points, origin)? };
             let options = CorrectOptions { method, mobility: Some(mobility), energy: None };
             let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
-            let corrected = correct(&pose, &wanted, &options)
+            let corrected = match self.preserve.preview {
+                None => correct(&pose, &wanted, &options),
+                Some(0) => {
+                    let problem = "is 0: it is a number of triangles, such as 20000".into();
+                    return Err(JobError::Value { key: "preserve.preview", problem });
+                }
+                Some(triangles) => {
+                    let preview = Preview::new(&pose, triangles)?;
+                    watch.lap("simplify");
+                    let corrected = preview.correct(&pose, &wanted, &options);
+                    if let Ok(Correction { status: Status::Preview, relative_error, .. }) = &corrected {
+                        let (few, all) = (preview.triangle_count(), body.solid.triangle_count());
+                        warnings.push(format!(
+                            "This is a preview: the volume is approximate, off by {relative_error:.1e} of the target, because {few} of {all} \
+                             triangles were corrected. Leave preview out for the exact volume."
+                        ));
+                    }
+                    corrected
+                }
+            };
+            let corrected = corrected
                 .map_err(|error| JobError::of_correction(error.oriented(body.orientation), &wanted_points, is_local))?;
             if let (Status::NotNearest, Some(residual)) = (corrected.status, corrected.residual) {
                 return Err(JobError::NotConverged { residual, limit: tolerances::KKT_ENOUGH });

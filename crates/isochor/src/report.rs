@@ -83,7 +83,7 @@ impl VolumeRow {
 pub struct CorrectionReport {
     /// "nearest", "gradient", "axes", or "none" where the volume was free.
     pub method: String,
-    /// How it ended: "exact", "already-met", or "not-asked".
+    /// How it ended: "exact", "already-met", "preview" (approximate), or "not-asked".
     pub status: String,
     /// Exact steps taken.
     pub iterations: usize,
@@ -121,6 +121,7 @@ impl CorrectionReport {
             Status::AlreadyMet => "already-met",
             Status::Exact => "exact",
             Status::NotNearest => "not-converged",
+            Status::Preview => "preview",
         };
         Self {
             method: method.into(),

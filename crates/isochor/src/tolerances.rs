@@ -70,6 +70,10 @@ pub const FLAT_FRAME: f64 = 1e-9;
 /// get a lattice that is thicker than they are; smaller: parameters along the side are noise.
 pub const FLAT_SIDE: f64 = 1e-12;
 
+/// A simplified component's volume is within this fraction of the fine one's. Larger: the volume's gradient points elsewhere;
+/// smaller: small components, and those that hardly enclose anything, are not simplified.
+pub const COARSE_VOLUME: f64 = 0.1;
+
 /// A model is only accepted with an extent between these: beyond, products of three coordinates leave the range in which
 /// f64 keeps its full precision.
 pub const EXTENTS: std::ops::RangeInclusive<f64> = 1e-70..=1e90;

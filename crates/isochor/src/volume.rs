@@ -503,7 +503,7 @@ impl Solid {
     }
 
     /// The points relative to an origin near them, which does not round, followed by the apexes of the caps.
-    fn near_with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
+    pub(crate) fn near_with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
         assert_eq!(points.len(), self.vertices, "one point for each vertex of the solid");
         let origin = lossless_origin(points);
         if self.caps.is_empty() && origin == DVec3::ZERO {
@@ -526,6 +526,69 @@ impl Solid {
     /// The points relative to an origin near them, followed by the apexes of the caps.
     pub(crate) fn points_with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
         self.near_with_apexes(points)
+    }
+
+    /// The triangles of component `c` without those of its caps, and those of its caps.
+    pub(crate) fn component(&self, c: usize) -> (&[[u32; 3]], &[[u32; 3]]) {
+        let triangles = &self.triangles[self.components[c].clone()];
+        let caps = triangles.iter().rev().take_while(|t| t[2] as usize >= self.vertices).count();
+        triangles.split_at(triangles.len() - caps)
+    }
+
+    /// For each vertex the first at the same place at rest (#vertices).
+    pub(crate) fn welded(&self) -> Vec<u32> {
+        let mut welded: Vec<u32> = (0..self.vertices as u32).collect();
+        self.twins.iter().for_each(|[first, v]| welded[*v as usize] = *first);
+        welded
+    }
+
+    /// The same body with other triangles: those of each component in order. Its caps stay.
+    pub(crate) fn resurfaced(&self, surfaces: &[Vec<[u32; 3]>]) -> Self {
+        let (mut triangles, mut components) = (Vec::new(), Vec::new());
+        for (c, surface) in surfaces.iter().enumerate() {
+            let start = triangles.len();
+            triangles.extend_from_slice(surface);
+            triangles.extend_from_slice(self.component(c).1);
+            components.push(start..triangles.len());
+        }
+        let cap = |cap: &Cap| Cap { members: cap.members.clone(), fan: Vec::new() };
+        Self::indexed(Self {
+            vertices: self.vertices,
+            triangles,
+            components,
+            caps: self.caps.iter().map(cap).collect(),
+            part_starts: Vec::new(),
+            touching: Vec::new(),
+            twins: self.twins.clone(),
+            has_twin: self.has_twin.clone(),
+        })
+    }
+
+    /// The same body over those vertices alone that its triangles name, and which these are (ascending): for a
+    /// [`Solid::coarse`] one, whose other vertices do not count.
+    #[must_use]
+    pub fn compacted(&self) -> (Self, Vec<u32>) {
+        let mut number = vec![u32::MAX; self.vertices + self.caps.len()];
+        self.triangles.as_flattened().iter().for_each(|v| number[*v as usize] = 0);
+        let named: Vec<u32> = (0..number.len() as u32).filter(|v| number[*v as usize] == 0).collect();
+        (0..).zip(&named).for_each(|(n, v)| number[*v as usize] = n);
+        let vertices = named.partition_point(|v| (*v as usize) < self.vertices);
+        let renumbered = |v: &u32| number[*v as usize];
+        let triangles: Vec<[u32; 3]> = self.triangles.iter().map(|t| t.each_ref().map(renumbered)).collect();
+        let cap = |cap: &Cap| Cap { members: cap.members.iter().map(renumbered).collect(), fan: Vec::new() };
+        let twins =
+            self.twins.iter().map(|pair| pair.each_ref().map(renumbered)).filter(|pair| !pair.contains(&u32::MAX));
+        let solid = Self::indexed(Self {
+            vertices,
+            triangles,
+            components: self.components.clone(),
+            caps: self.caps.iter().map(cap).collect(),
+            part_starts: Vec::new(),
+            touching: Vec::new(),
+            twins: twins.collect(),
+            has_twin: named[..vertices].iter().map(|v| self.has_twin[*v as usize]).collect(),
+        });
+        (solid, named[..vertices].to_vec())
     }
 }
 
