@@ -33,7 +33,7 @@ use crate::goals::{Components, GoalFault, Goals, VolumeGoal};
 use crate::mesh::Bounds;
 use crate::metric::{Factors, Metric};
 use crate::points::{PointRows, PointTarget};
-use crate::rows::{Missed, Rows};
+use crate::rows::{Missed, Rows, norm};
 use crate::sensitivity::Sensitivity;
 use crate::tolerances;
 use crate::volume::{Solid, Volumes};
@@ -848,7 +848,7 @@ impl<'a> Problem<'a> {
             let mut pulled = self.metric.pulled(&slope.controls);
             self.project(&mut pulled);
             let least = tolerances::DEAD_AXIS * slope.spread * root;
-            normals.is_dead.push(crate::rows::dot(&pulled, &pulled) <= least * least);
+            normals.is_dead.push(norm(&pulled) <= least);
             normals.rows.push(pulled.clone(), least);
             normals.pulled.push(pulled);
         }

@@ -14,7 +14,7 @@ use faer::{Mat, MatRef};
 
 use crate::correct::{CorrectError, Problem, Reason, State, Step};
 use crate::double;
-use crate::rows::{add, dot};
+use crate::rows::{add, dot, norm};
 use crate::tolerances;
 
 /// Corrects by one step along the gradient, or along the gradients of several volumes.
@@ -40,9 +40,9 @@ fn along_line(problem: &Problem, state: &State) -> Result<State, CorrectError> {
 
 /// The line `C + t D` through a state, for one goal.
 struct Line {
-    /// D = R Rᵀ Wᵀ g (#controls × 3), less what would move a point, and d = W D (#vertices × 3).
+    /// D = R h/|h| (#controls × 3) with h = Rᵀ Wᵀ g, less what would move a point, and d = W D (#vertices × 3).
     unit: Step,
-    /// a₁ = (Wᵀ g) · D.
+    /// a₁ = (Wᵀ g) · D = |h|.
     slope: f64,
 }
 
@@ -50,8 +50,11 @@ impl Line {
     /// `None` where the volume depends on no control.
     fn at(problem: &Problem, state: &State) -> Option<Self> {
         let normals = problem.normals(&problem.slopes(state));
-        let pulled = &normals.pulled[0];
-        normals.rows.is_independent(0).then(|| Self { unit: problem.step(pulled), slope: dot(pulled, pulled) })
+        normals.rows.is_independent(0).then(|| {
+            let slope = norm(&normals.pulled[0]);
+            let unit: Vec<f64> = normals.pulled[0].iter().map(|h| h / slope).collect();
+            Self { unit: problem.step(&unit), slope }
+        })
     }
 
     /// a₁, a₂, a₃. Coefficients below the rounding of their summed terms are 0: they are noise, and noise can bend a line
