@@ -15,10 +15,10 @@
 use glam::{DMat3, DVec3};
 
 use crate::correct::{CorrectError, Problem, Reason, State, Step, spread};
-use crate::mesh::Bounds;
 use crate::metric::{AxisMetric, Factors, Metric};
+use crate::parallel;
 use crate::points::point_rows;
-use crate::rows::{Missed, Rows, dot};
+use crate::rows::{Missed, Rows, dot, norm};
 use crate::tolerances;
 
 /// A direction to correct along.
@@ -105,70 +105,64 @@ pub(crate) fn corrected(
     // Volumes are taken once, before the first axis: each step is exact, so after the last one all of the deficits are gone.
     let deficits = problem.deficits(&state);
     let goals = deficits.len();
-    let mut surface = Surface::of(problem, &state);
-    let strengths: Vec<Vec<Strength>> = (0..axes.len())
-        .map(|k| surface.pulls(problem, &axes[k], &points.rows[k]).strengths(&surface, problem))
-        .collect();
-    let shares = |goal: usize, least: Strength| {
-        axes.iter().zip(&strengths).map(move |(axis, s)| if s[goal] >= least { axis.share } else { 0.0 })
-    };
-    // Weak axes are used only where there are no others.
-    let least: Vec<Strength> = (0..goals)
-        .map(|goal| if shares(goal, Strength::Good).sum::<f64>() > 0.0 { Strength::Good } else { Strength::Weak })
-        .collect();
-    let all_shares: Vec<f64> = (0..goals).map(|goal| shares(goal, least[goal]).sum()).collect();
-    let is_met = |goal: usize, open: f64| open.abs() <= tolerances::VOLUME_ROUNDING * problem.goals.targets[goal].abs();
-    let dead = (0..goals).find(|goal| all_shares[*goal] <= 0.0 && !is_met(*goal, deficits[*goal]));
-    if let (Some(goal), true) = (dead, problem.points.is_empty()) {
+    let surface_of = |state: &State| Surface::of(problem, state, axes.len());
+    let mut here = Some(surface_of(&state));
+    let mut strengths = Vec::with_capacity(axes.len());
+    for (k, axis) in axes.iter().enumerate() {
+        let surface = here.get_or_insert_with(|| surface_of(&state));
+        surface.pull(problem, axis, k, &points);
+        strengths.push(surface.strengths(problem, k));
+    }
+    let plan = Plan::new(axes, &strengths, goals);
+    if let (Some(goal), true) = (plan.dead(problem, &deficits), problem.points.is_empty()) {
         return Err(problem.impossible(Some(goal), Reason::Dead));
     }
     // What is open of each deficit, and what part of it later axes are to take. What an axis that died on the way could not take goes to
     // the next; a second pass takes what the last one left.
     let mut open = deficits.clone();
     let mut left = vec![1.0; goals];
-    let mut used = Vec::new();
+    let mut last: Option<(usize, Rows, Vec<usize>)> = None;
     for pass in 0..3 {
         for (k, axis) in axes.iter().enumerate() {
             if pass == 0
                 && let Some(delta) = points.delta(problem, &state, axis, k)?
             {
                 // The points' share of this axis changes the volumes too, and linearly.
-                surface.take(problem, axis, &delta, &mut open);
+                let surface = here.get_or_insert_with(|| surface_of(&state));
+                surface.pull(problem, axis, k, &points);
+                surface.take(k, &delta, &mut open);
                 state = state.after(&step_of(problem, axis, &delta));
-                surface = Surface::of(problem, &state);
+                here = None;
                 if let Some(trace) = &mut trace {
                     trace.push(Taken::Points { axis: k });
                 }
             }
-            let threshold = |goal: usize| if pass == 2 { Strength::Weak } else { least[goal] };
-            let is_usable = |goal: usize| strengths[k][goal] >= threshold(goal);
-            let taken: Vec<usize> = (0..goals).filter(|goal| is_usable(*goal)).collect();
+            let threshold = |goal: usize| if pass == 2 { Strength::Weak } else { plan.least[goal] };
+            let taken: Vec<usize> = (0..goals).filter(|goal| strengths[k][*goal] >= threshold(*goal)).collect();
             for &goal in &taken {
-                let share = if all_shares[goal] > 0.0 { axis.share / all_shares[goal] } else { 0.0 };
-                left[goal] = if pass == 0 { left[goal] - share } else { 0.0 };
-                // The last shares sum to 1 but for rounding.
-                left[goal] = if left[goal].abs() <= f64::EPSILON * axes.len() as f64 { 0.0 } else { left[goal] };
+                left[goal] = if pass == 0 { plan.left_after(goal, left[goal], axis) } else { 0.0 };
             }
             let wanted = |goal: usize| open[goal] - left[goal] * deficits[goal];
             if taken.iter().all(|goal| wanted(*goal) == 0.0) && (trace.is_none() || pass > 0 || taken.is_empty()) {
                 continue;
             }
-            let pulls = surface.pulls(problem, axis, &points.rows[k]);
-            let Some((rows, part)) = pulls.rows(&surface, problem, &taken, threshold) else { continue };
+            let surface = here.get_or_insert_with(|| surface_of(&state));
+            surface.pull(problem, axis, k, &points);
+            let Some((rows, part)) = surface.rows(problem, k, &taken, threshold) else { continue };
             let changes: Vec<f64> = part.iter().map(|goal| wanted(*goal)).collect();
-            let (z, _) = rows.least(pulls.unknowns(), &changes);
+            let (z, _) = rows.least(problem.binding.control_count(), &changes);
             let delta = axis.metric.displacement(&z);
-            let after = state.after(&step_of(problem, axis, &delta));
-            surface.take(problem, axis, &delta, &mut open);
+            surface.take(k, &delta, &mut open);
             part.iter().for_each(|goal| open[*goal] = left[*goal] * deficits[*goal]);
+            let after = state.after(&step_of(problem, axis, &delta));
             let before = std::mem::replace(&mut state, after);
-            surface = Surface::of(problem, &state);
-            used.push(k);
+            here = None;
             if let Some(trace) = &mut trace {
-                let multipliers = rows.multipliers(&z);
+                let (multipliers, rows, goals) = (rows.multipliers(&z), rows.clone(), part.clone());
                 let left = part.iter().map(|goal| left[*goal]).collect();
-                trace.push(Taken::Volumes { axis: k, before, rows, goals: part, left, delta, multipliers });
+                trace.push(Taken::Volumes { axis: k, before, rows, goals, left, delta, multipliers });
             }
+            last = Some((k, rows, part));
         }
     }
     // Points that rounding left off, where energies are stiff in some directions.
@@ -180,8 +174,9 @@ pub(crate) fn corrected(
             }
         }
     }
-    if let Some(goal) = (0..goals).find(|goal| open[*goal] != 0.0 && !is_met(*goal, open[*goal])) {
-        if !(surface.spread[goal] * surface.spread[goal]).is_finite() {
+    if let Some(goal) = (0..goals).find(|goal| open[*goal] != 0.0 && !problem.is_within_rounding(*goal, open[*goal])) {
+        let spread = surface_of(&state).spread[goal];
+        if !(spread * spread).is_finite() {
             return Err(problem.impossible(Some(goal), Reason::Overflow));
         }
         let is_alone = strengths.iter().all(|s| s[goal] == Strength::Dead);
@@ -189,15 +184,58 @@ pub(crate) fn corrected(
         return Err(problem.impossible(Some(goal), reason));
     }
     Ok(problem.finished(state, |state, deficits, round| {
-        let k = *used.iter().rev().cycle().nth(if goals == 1 { 0 } else { round })?;
-        let surface = Surface::of(problem, state);
-        let pulls = surface.pulls(problem, &axes[k], &points.rows[k]);
-        let all: Vec<usize> = (0..goals).collect();
-        let (rows, part) = pulls.rows(&surface, problem, &all, |_| Strength::Weak)?;
+        let (k, rows, part) = match &last {
+            // Steps along an axis leave its α as it is, so the last one's rows still hold.
+            Some((k, rows, part)) if part.len() == goals => (*k, rows.clone(), part.clone()),
+            Some((k, ..)) => {
+                let k = (k + round) % axes.len();
+                let mut surface = surface_of(state);
+                surface.pull(problem, &axes[k], k, &points);
+                let all: Vec<usize> = (0..goals).collect();
+                let (rows, part) = surface.rows(problem, k, &all, |_| Strength::Weak)?;
+                (k, rows, part)
+            }
+            None => return None,
+        };
         let changes: Vec<f64> = part.iter().map(|goal| deficits[*goal]).collect();
-        let (z, _) = rows.least(pulls.unknowns(), &changes);
-        Some(step_of(problem, &axes[k], &axes[k].metric.displacement(&z)))
+        let (z, _) = rows.least(problem.binding.control_count(), &changes);
+        Some(state.after(&step_of(problem, &axes[k], &axes[k].metric.displacement(&z))))
     }))
+}
+
+/// Which axis takes what part of which deficit.
+struct Plan {
+    /// What an axis must be good for to take a part (#goals): weak axes are used only where there are no others.
+    least: Vec<Strength>,
+    /// The shares of all that do (#goals).
+    shares: Vec<f64>,
+    axes: usize,
+}
+
+impl Plan {
+    fn new(axes: &[Axis], strengths: &[Vec<Strength>], goals: usize) -> Self {
+        let sum = |goal: usize, least: Strength| -> f64 {
+            let able = axes.iter().zip(strengths).filter(|(_, s)| s[goal] >= least);
+            able.map(|(axis, _)| axis.share).sum()
+        };
+        let best = |goal| if sum(goal, Strength::Good) > 0.0 { Strength::Good } else { Strength::Weak };
+        let least: Vec<Strength> = (0..goals).map(best).collect();
+        let shares = least.iter().enumerate().map(|(goal, least)| sum(goal, *least)).collect();
+        Self { least, shares, axes: axes.len() }
+    }
+
+    /// A goal that no axis can change and that is not met.
+    fn dead(&self, problem: &Problem, deficits: &[f64]) -> Option<usize> {
+        (0..deficits.len()).find(|g| self.shares[*g] <= 0.0 && !problem.is_within_rounding(*g, deficits[*g]))
+    }
+
+    /// What part of a goal's deficit is left after `axis`, if `left` was before.
+    fn left_after(&self, goal: usize, left: f64, axis: &Axis) -> f64 {
+        let share = if self.shares[goal] > 0.0 { axis.share / self.shares[goal] } else { 0.0 };
+        // The last shares sum to 1 but for rounding.
+        let is_rounding = (left - share).abs() <= f64::EPSILON * self.axes as f64;
+        if is_rounding { 0.0 } else { left - share }
+    }
 }
 
 /// What displacements `delta` (#controls) along an axis do.
@@ -205,7 +243,7 @@ fn step_of(problem: &Problem, axis: &Axis, delta: &[f64]) -> Step {
     let shift = problem.binding.apply_scalar(delta);
     Step {
         controls: delta.iter().map(|d| axis.direction * *d).collect(),
-        vertices: shift.iter().map(|s| axis.direction * *s).collect(),
+        vertices: parallel::collect(shift.len(), |v| axis.direction * shift[v]),
     }
 }
 
@@ -225,11 +263,14 @@ struct Surface {
     gradients: Vec<Vec<DVec3>>,
     /// Σ |∂V/∂p| of each.
     spread: Vec<f64>,
-    extent: f64,
+    /// How they depend on displacements along each axis, once that was asked for.
+    pulls: Vec<Option<Pulls>>,
 }
 
 /// How the volumes depend on displacements along an axis.
 struct Pulls {
+    /// α of each goal (#goals × #controls).
+    alphas: Vec<Vec<f64>>,
     /// Rᵀ α of each goal, less what would move a point (#goals × #controls).
     pulled: Vec<Vec<f64>>,
     /// √ of the largest mobility.
@@ -237,85 +278,89 @@ struct Pulls {
 }
 
 impl Surface {
-    fn of(problem: &Problem, state: &State) -> Self {
+    fn of(problem: &Problem, state: &State, axes: usize) -> Self {
         let gradient = |goal| problem.goals.vertex_gradient(goal, problem.solid, &state.vertices);
         let gradients: Vec<Vec<DVec3>> = (0..problem.goals.len()).map(gradient).collect();
-        let extent = Bounds::of(&state.vertices).map_or(0.0, |b| b.extent());
-        Self { spread: gradients.iter().map(|g| spread(g)).collect(), gradients, extent }
+        Self {
+            spread: gradients.iter().map(|g| spread(g)).collect(),
+            gradients,
+            pulls: (0..axes).map(|_| None).collect(),
+        }
     }
 
-    /// α of a goal (#controls): HB (10)–(12).
-    fn alpha(&self, problem: &Problem, axis: &Axis, goal: usize) -> Vec<f64> {
-        let along: Vec<f64> = self.gradients[goal].iter().map(|g| g.dot(axis.direction)).collect();
-        problem.binding.adjoint_scalar(&along)
-    }
-
-    fn pulls(&self, problem: &Problem, axis: &Axis, points: &Option<Rows>) -> Pulls {
-        let pulled = |goal: usize| {
-            let mut pulled = axis.metric.pulled(&self.alpha(problem, axis, goal));
-            if let Some(points) = points {
-                points.project(&mut pulled);
+    /// Finds how the volumes depend on axis `k`, unless that is known.
+    fn pull(&mut self, problem: &Problem, axis: &Axis, k: usize, points: &AxisPoints) {
+        if self.pulls[k].is_some() {
+            return;
+        }
+        // HB (10)–(12)
+        let alpha = |gradient: &Vec<DVec3>| {
+            let along = parallel::collect(gradient.len(), |v| gradient[v].dot(axis.direction));
+            problem.binding.adjoint_scalar(&along)
+        };
+        let alphas: Vec<Vec<f64>> = self.gradients.iter().map(alpha).collect();
+        let pulled = |alpha: &Vec<f64>| {
+            let mut pulled = axis.metric.pulled(alpha);
+            if let Some(rows) = &points.rows[k] {
+                rows.project(&mut pulled);
             }
             pulled
         };
         let root = axis.metric.largest_mobility().sqrt();
-        Pulls { pulled: (0..self.gradients.len()).map(pulled).collect(), root }
+        self.pulls[k] = Some(Pulls { pulled: alphas.iter().map(pulled).collect(), alphas, root });
     }
 
-    /// Takes what displacements `delta` (#controls) along an axis change of the volumes, exactly, from what is `open`.
-    fn take(&self, problem: &Problem, axis: &Axis, delta: &[f64], open: &mut [f64]) {
-        for (goal, open) in open.iter_mut().enumerate() {
-            *open -= dot(&self.alpha(problem, axis, goal), delta);
-        }
+    /// What was found for axis `k`.
+    fn pulls(&self, k: usize) -> &Pulls {
+        self.pulls[k].as_ref().expect("an axis whose pulls were found")
+    }
+
+    /// Takes what displacements `delta` (#controls) along axis `k` change of the volumes, exactly, from what is `open`.
+    fn take(&self, k: usize, delta: &[f64], open: &mut [f64]) {
+        open.iter_mut().zip(&self.pulls(k).alphas).for_each(|(open, alpha)| *open -= dot(alpha, delta));
     }
 
     /// Below this, `√(Σ m α²)` has at most the strength before `strength`.
-    fn least(&self, problem: &Problem, goal: usize, strength: Strength, root: f64) -> f64 {
+    fn least(&self, problem: &Problem, k: usize, goal: usize, strength: Strength) -> f64 {
         // A healthy axis changes the volume by about itself when controls move by the extent.
-        let volume = problem.volume_scale(goal);
         let limit = match strength {
-            Strength::Good => tolerances::WEAK_AXIS * volume / self.extent,
+            Strength::Good => tolerances::WEAK_AXIS * problem.volume_scale(goal) / problem.extent,
             _ => tolerances::DEAD_AXIS * self.spread[goal],
         };
-        limit * root
-    }
-}
-
-impl Pulls {
-    fn unknowns(&self) -> usize {
-        self.pulled.first().map_or(0, Vec::len)
+        limit * self.pulls(k).root
     }
 
-    /// How strong each goal's dependence is.
-    fn strengths(&self, surface: &Surface, problem: &Problem) -> Vec<Strength> {
+    /// How strong each goal's dependence on axis `k` is.
+    fn strengths(&self, problem: &Problem, k: usize) -> Vec<Strength> {
         let strength = |(goal, pulled): (usize, &Vec<f64>)| {
-            let norm = dot(pulled, pulled).sqrt();
-            let exceeds = |strength| norm > surface.least(problem, goal, strength, self.root);
+            let norm = norm(pulled);
+            let exceeds = |strength| norm > self.least(problem, k, goal, strength);
             match (exceeds(Strength::Weak), exceeds(Strength::Good)) {
                 (false, _) => Strength::Dead,
                 (true, false) => Strength::Weak,
                 (true, true) => Strength::Good,
             }
         };
-        self.pulled.iter().enumerate().map(strength).collect()
+        self.pulls(k).pulled.iter().enumerate().map(strength).collect()
     }
 
-    /// The rows of those of `goals` that are at least as strong as they must be beside those before them, and which they are; `None` where
-    /// there is none.
+    /// The rows of those of `goals` that are at least as strong along axis `k` as they must be beside those before them, and which they
+    /// are; `None` where there is none.
     fn rows(
         &self,
-        surface: &Surface,
         problem: &Problem,
+        k: usize,
         goals: &[usize],
         threshold: impl Fn(usize) -> Strength,
     ) -> Option<(Rows, Vec<usize>)> {
         let mut rows = Rows::default();
         let mut part = Vec::new();
         for &goal in goals {
-            let weak = surface.least(problem, goal, Strength::Weak, self.root);
-            let least = weak.max(surface.least(problem, goal, threshold(goal), self.root));
-            if rows.is_new(&self.pulled[goal], least) {
-                rows.push(self.pulled[goal].clone(), least);
+            let weak = self.least(problem, k, goal, Strength::Weak);
+            let least = weak.max(self.least(problem, k, goal, threshold(goal)));
+            let pulled = &self.pulls(k).pulled[goal];
+            if rows.is_new(pulled, least) {
+                rows.push(pulled.clone(), least);
                 part.push(goal);
             }
         }

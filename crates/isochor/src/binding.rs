@@ -512,7 +512,7 @@ pub(crate) fn translated(points: &[DVec3], by: DVec3) -> Vec<DVec3> {
     parallel::collect(points.len(), |v| moved(points[v], by))
 }
 
-fn moved(p: DVec3, d: DVec3) -> DVec3 {
+pub(crate) fn moved(p: DVec3, d: DVec3) -> DVec3 {
     DVec3::select(d.cmpeq(DVec3::ZERO), p, p + d)
 }
 

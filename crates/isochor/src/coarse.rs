@@ -4,6 +4,8 @@
 //! the surface. Any identification of vertices keeps a closed mesh balanced, so the stand-in is a body too. It is good for second
 //! derivatives; volumes and gradients are corrected against the fine mesh by whoever uses it ([`crate::nearest`]).
 
+use std::sync::Arc;
+
 use glam::DVec3;
 use rustc_hash::FxHashMap;
 
@@ -22,7 +24,7 @@ const CELLS: f64 = 32.0;
 pub(crate) struct Coarse {
     pub(crate) solid: Solid,
     pub(crate) binding: Binding,
-    pub(crate) posed: Vec<DVec3>,
+    pub(crate) posed: Arc<Vec<DVec3>>,
 }
 
 impl Coarse {
@@ -35,7 +37,7 @@ impl Coarse {
         Some(Self {
             solid: solid.clustered(&cluster_of, representatives.len()),
             binding: binding.selected(&representatives),
-            posed: representatives.iter().map(|v| posed[*v as usize]).collect(),
+            posed: Arc::new(representatives.iter().map(|v| posed[*v as usize]).collect()),
         })
     }
 }

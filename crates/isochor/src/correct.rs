@@ -23,11 +23,12 @@
 //! - Impossible requests are found before anything moves, and named.
 
 use std::borrow::Cow;
+use std::sync::Arc;
 
 use glam::DVec3;
 
 use crate::axes::Axis;
-use crate::binding::{Binding, displaced, translated};
+use crate::binding::{Binding, moved};
 use crate::energy::Energy;
 use crate::goals::{Components, GoalFault, Goals, VolumeGoal};
 use crate::mesh::Bounds;
@@ -37,7 +38,7 @@ use crate::rows::{Missed, Rows, norm};
 use crate::sensitivity::Sensitivity;
 use crate::tolerances;
 use crate::volume::{Solid, Volumes};
-use crate::{axes, gradient, nearest};
+use crate::{axes, gradient, nearest, order, parallel};
 
 /// A posed model: what is to be corrected.
 #[derive(Clone, Copy, Debug)]
@@ -347,13 +348,26 @@ pub fn correct(pose: &Pose, wanted: &Wanted, options: &CorrectOptions) -> Result
 }
 
 /// A body, a binding and how to correct, prepared for any number of poses and wishes.
+///
+/// It has its own copies of both with the vertices in the order of lattice cells, which memory likes; callers see their own order.
 #[derive(Clone, Debug)]
 pub struct Corrector<'a> {
     solid: Cow<'a, Solid>,
     binding: Cow<'a, Binding>,
+    /// The order of the copies; `None`: as given.
+    order: Option<Order>,
     way: Way,
     metric: Metric,
     is_movable: bool,
+}
+
+/// Another order of the vertices.
+#[derive(Clone, Debug)]
+pub(crate) struct Order {
+    /// The vertex at each place.
+    vertices: Vec<u32>,
+    /// The place of each vertex.
+    places: Vec<u32>,
 }
 
 /// [`Method`] with what it needs.
@@ -384,9 +398,15 @@ impl<'a> Corrector<'a> {
     ///
     /// Arrays that do not fit together, values out of range.
     pub fn new(solid: &'a Solid, binding: &'a Binding, options: &CorrectOptions) -> Result<Self, CorrectError> {
-        Self::borrowed(solid, binding, options)
+        let mut corrector = Self::borrowed(solid, binding, options)?;
+        let vertices = binding.cell_order();
+        corrector.solid = Cow::Owned(solid.permuted(&vertices));
+        corrector.binding = Cow::Owned(binding.permuted(&vertices));
+        corrector.order = Some(Order { places: order::places(&vertices), vertices });
+        Ok(corrector)
     }
 
+    /// For one correction: nothing is copied.
     fn borrowed(solid: &'a Solid, binding: &'a Binding, options: &CorrectOptions) -> Result<Self, CorrectError> {
         let controls = binding.control_count();
         length("the binding", binding.vertex_count(), solid.vertex_count())?;
@@ -409,7 +429,8 @@ impl<'a> Corrector<'a> {
             }
         };
         let is_movable = mobility.iter().any(|m| *m != DVec3::ZERO);
-        Ok(Self { solid: Cow::Borrowed(solid), binding: Cow::Borrowed(binding), way, metric, is_movable })
+        let (solid, binding) = (Cow::Borrowed(solid), Cow::Borrowed(binding));
+        Ok(Self { solid, binding, order: None, way, metric, is_movable })
     }
 
     /// Corrects the posed vertices (#vertices × 3) to what is wanted.
@@ -487,9 +508,6 @@ impl<'a> Corrector<'a> {
         if let Some(vertex) = posed.iter().position(|p| !p.is_finite()) {
             return Err(CorrectError::NotFinite { vertex, position: posed[vertex] });
         }
-        if let Some([a, b]) = solid.torn_vertices(posed) {
-            return Err(CorrectError::Torn { a, b });
-        }
         let controls = binding.control_count();
         for (point, PointTarget { weights, position, target }) in wanted.points.iter().enumerate() {
             if let Some((control, _)) = weights.iter().find(|(control, _)| *control >= controls) {
@@ -502,8 +520,15 @@ impl<'a> Corrector<'a> {
         }
         let bounds = Bounds::of(posed);
         let (origin, extent) = bounds.map_or((DVec3::ZERO, 0.0), |b| (b.lossless_origin(), b.extent()));
-        let posed: Vec<DVec3> = posed.iter().map(|p| *p - origin).collect();
+        let order = self.order.as_ref();
+        let posed =
+            parallel::collect(posed.len(), |i| posed[order.map_or(i, |order| order.vertices[i] as usize)] - origin);
+        if let Some(pair) = solid.torn_vertices(&posed) {
+            let [a, b] = pair.map(|v| order.map_or(v, |order| order.vertices[v as usize]));
+            return Err(CorrectError::Torn { a: a.min(b), b: a.max(b) });
+        }
         let volumes = solid.volumes(&posed);
+        let posed = Arc::new(posed);
         let goals = Goals::new(&wanted.volumes, solid.component_count()).map_err(|fault| match fault {
             GoalFault::Missing { goal, component } => {
                 CorrectError::MissingComponent { goal, component, components: solid.component_count() }
@@ -529,6 +554,7 @@ impl<'a> Corrector<'a> {
             rows,
             posed,
             origin,
+            order,
             volumes,
             extent,
             tilt,
@@ -560,7 +586,7 @@ impl<'a> Solved<'a> {
             _ => Status::Exact,
         };
         Correction {
-            vertices: if *has_moved { translated(&end.vertices, problem.origin) } else { posed.to_vec() },
+            vertices: if *has_moved { problem.returned(&end.vertices, problem.origin) } else { posed.to_vec() },
             volume_before: problem.volumes.total,
             volume: end.volumes.total,
             relative_error: problem.relative_error(end),
@@ -585,8 +611,10 @@ pub(crate) struct Problem<'a> {
     /// What moves a point, where there are points.
     pub(crate) rows: Option<PointRows>,
     /// The posed vertices (#vertices × 3), relative to `origin`.
-    pub(crate) posed: Vec<DVec3>,
+    pub(crate) posed: Arc<Vec<DVec3>>,
     origin: DVec3,
+    /// The order of vertices here; `None`: as the caller has them.
+    order: Option<&'a Order>,
     /// Of the posed vertices.
     volumes: Volumes,
     /// Of the posed vertices.
@@ -609,7 +637,7 @@ pub(crate) struct State {
     /// δ so far (#controls × 3).
     pub(crate) displacement: Vec<DVec3>,
     /// X + W δ (#vertices × 3).
-    pub(crate) vertices: Vec<DVec3>,
+    pub(crate) vertices: Arc<Vec<DVec3>>,
     /// Its volumes.
     pub(crate) volumes: Volumes,
     pub(crate) steps: usize,
@@ -642,9 +670,15 @@ pub(crate) struct Normals {
 impl State {
     /// This state after `step`, its volumes not yet measured.
     pub(crate) fn after(&self, step: &Step) -> Self {
+        self.after_part(step, 1.0)
+    }
+
+    /// This state after `t` times `step`, its volumes not yet measured.
+    pub(crate) fn after_part(&self, step: &Step, t: f64) -> Self {
+        let vertex = |v: usize| moved(self.vertices[v], step.vertices[v] * t);
         Self {
-            displacement: displaced(&self.displacement, &step.controls),
-            vertices: displaced(&self.vertices, &step.vertices),
+            displacement: self.displacement.iter().zip(&step.controls).map(|(d, by)| moved(*d, *by * t)).collect(),
+            vertices: Arc::new(parallel::collect(self.vertices.len(), vertex)),
             volumes: self.volumes.clone(),
             steps: self.steps + 1,
         }
@@ -664,10 +698,26 @@ impl<'a> Problem<'a> {
         }
     }
 
+    /// Vectors per vertex in the caller's order, moved by `by`.
+    pub(crate) fn returned(&self, vectors: &[DVec3], by: DVec3) -> Vec<DVec3> {
+        match self.order {
+            Some(order) => parallel::collect(vectors.len(), |v| moved(vectors[order.places[v] as usize], by)),
+            None => parallel::collect(vectors.len(), |v| moved(vectors[v], by)),
+        }
+    }
+
+    /// Vectors per vertex, in the caller's order, in the order here.
+    pub(crate) fn ordered<'b>(&self, vectors: &'b [DVec3]) -> Cow<'b, [DVec3]> {
+        match self.order {
+            Some(order) => Cow::Owned(parallel::collect(vectors.len(), |i| vectors[order.vertices[i] as usize])),
+            None => Cow::Borrowed(vectors),
+        }
+    }
+
     /// The pose itself.
     fn posed_state(&self) -> State {
         let displacement = vec![DVec3::ZERO; self.binding.control_count()];
-        State { displacement, vertices: self.posed.clone(), volumes: self.volumes.clone(), steps: 0 }
+        State { displacement, vertices: Arc::clone(&self.posed), volumes: self.volumes.clone(), steps: 0 }
     }
 
     /// The same request for another body and binding with the volumes tilted.
@@ -675,7 +725,7 @@ impl<'a> Problem<'a> {
         &'b self,
         solid: &'b Solid,
         binding: &'b Binding,
-        posed: Vec<DVec3>,
+        posed: &Arc<Vec<DVec3>>,
         tilt: Tilt,
     ) -> Problem<'b> {
         Problem {
@@ -686,9 +736,10 @@ impl<'a> Problem<'a> {
             goals: self.goals.clone(),
             points: self.points,
             rows: self.rows.clone(),
-            volumes: solid.volumes(&posed),
-            posed,
+            volumes: solid.volumes(posed),
+            posed: Arc::clone(posed),
             origin: self.origin,
+            order: None,
             extent: self.extent,
             tilt: Some(tilt),
         }
@@ -738,10 +789,12 @@ impl<'a> Problem<'a> {
 
     /// Whether every goal is met, to its own rounding.
     pub(crate) fn is_met(&self, state: &State) -> bool {
-        self.deficits(state)
-            .iter()
-            .zip(&self.goals.targets)
-            .all(|(d, t)| d.abs() <= tolerances::VOLUME_ROUNDING * t.abs())
+        self.deficits(state).iter().enumerate().all(|(goal, deficit)| self.is_within_rounding(goal, *deficit))
+    }
+
+    /// Whether a deficit is no more than the rounding of its goal.
+    pub(crate) fn is_within_rounding(&self, goal: usize, deficit: f64) -> bool {
+        deficit.abs() <= tolerances::VOLUME_ROUNDING * self.goals.targets[goal].abs()
     }
 
     /// The goal that is missed most, relatively; none without goals.
@@ -880,9 +933,9 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Measures `state` and takes away what rounding left of the deficits: by small steps of the same kind, `step(state,
+    /// Measures `state` and takes away what rounding left of the deficits: by small steps of the same kind, `after(state,
     /// deficits, round)` (`None` where no such step exists any more), and at last by the choice of roundings.
-    pub(crate) fn finished(&self, state: State, step: impl Fn(&State, &[f64], usize) -> Option<Step>) -> State {
+    pub(crate) fn finished(&self, state: State, after: impl Fn(&State, &[f64], usize) -> Option<State>) -> State {
         /// More: nothing left to gain after two or three; fewer: thin models end further off than they need.
         const ROUNDS: usize = 4;
         let error =
@@ -896,7 +949,7 @@ impl<'a> Problem<'a> {
                 break;
             }
             let next = if round < ROUNDS {
-                step(&state, &deficits, round).map(|step| state.after(&step))
+                after(&state, &deficits, round)
             } else {
                 Some(self.rounded_otherwise(&state, &deficits))
             };
@@ -919,6 +972,7 @@ impl<'a> Problem<'a> {
         let free: Vec<usize> =
             (0..state.vertices.len()).filter(|v| !self.solid.has_twin(*v) && concerns(*v) == 1).collect();
         let mut next = state.clone();
+        let vertices = Arc::make_mut(&mut next.vertices);
         for (gradient, &deficit) in gradients.iter().zip(deficits) {
             let mut units: Vec<(f64, usize, usize)> = free
                 .iter()
@@ -930,7 +984,7 @@ impl<'a> Problem<'a> {
             units.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
             let mut open = deficit;
             for (effect, v, a) in units {
-                let x = &mut next.vertices[v][a];
+                let x = &mut vertices[v][a];
                 if (open - effect).abs() < open.abs() {
                     (*x, open) = (x.next_up(), open - effect);
                 } else if (open + effect).abs() < open.abs() {
@@ -942,14 +996,20 @@ impl<'a> Problem<'a> {
         next
     }
 
-    /// The smallest step that takes away `deficits` to first order; `None` where there is none.
-    pub(crate) fn least_step(&self, state: &State, deficits: &[f64]) -> Option<Step> {
+    /// `state` after the smallest step that takes away `deficits` to first order; `None` where there is none.
+    pub(crate) fn after_least(&self, state: &State, deficits: &[f64]) -> Option<State> {
         let normals = self.normals(&self.slopes(state));
-        Some(self.step(&self.least(&normals, deficits).ok()?))
+        Some(state.after(&self.step(&self.least(&normals, deficits).ok()?)))
     }
 }
 
 /// Σ |g| over the vertices.
 pub(crate) fn spread(gradient: &[DVec3]) -> f64 {
-    gradient.iter().map(|g| g.length()).sum()
+    let length = |g: &DVec3| match g.length() {
+        length if length.is_finite() => length,
+        // Its square has left the range of numbers.
+        _ => g.abs().max_element() * (*g / g.abs().max_element()).length(),
+    };
+    let of = |range: std::ops::Range<usize>| gradient[range].iter().map(length).sum::<f64>();
+    parallel::map_chunks(gradient.len(), parallel::CHUNK, of).iter().sum()
 }

@@ -9,33 +9,46 @@
 //! The root is the one that is reached from t = 0 without the volume turning back on the way. Several volumes at once go along all
 //! their gradients, `Σ t_c D_c`: coupled polynomials, followed from t = 0 in the same way.
 
+use std::ops::Range;
+
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef};
+use glam::DVec3;
 
 use crate::correct::{CorrectError, Problem, Reason, State, Step};
 use crate::double;
+use crate::parallel;
 use crate::rows::{add, dot, norm};
 use crate::tolerances;
 
 /// Corrects by one step along the gradient, or along the gradients of several volumes.
 pub(crate) fn corrected(problem: &Problem, state: State) -> Result<State, CorrectError> {
-    let end = match problem.goals.len() {
-        0 => state,
-        _ if problem.is_met(&state) => state,
-        1 => along_line(problem, &state)?,
-        _ => along_all(problem, &state)?,
-    };
-    let end = problem.with_points(end)?;
-    Ok(problem.finished(end, |state, deficits, _| problem.least_step(state, deficits)))
+    match problem.goals.len() {
+        1 if !problem.is_met(&state) => return along_line(problem, &state),
+        0 | 1 => {}
+        _ if problem.is_met(&state) => {}
+        _ => {
+            let end = problem.with_points(along_all(problem, &state)?)?;
+            return Ok(problem.finished(end, |state, deficits, _| problem.after_least(state, deficits)));
+        }
+    }
+    Ok(problem.finished(problem.with_points(state)?, |state, deficits, _| problem.after_least(state, deficits)))
 }
 
 /// The exact step for one goal.
 fn along_line(problem: &Problem, state: &State) -> Result<State, CorrectError> {
     let line = Line::at(problem, state).ok_or_else(|| problem.impossible(Some(0), Reason::Dead))?;
+    let cubic = line.cubic(problem, state);
     let volume = problem.goal_volumes(state)[0];
     let turns = |reach| problem.impossible(Some(0), Reason::Turns { limit: volume + reach });
-    let t = line.cubic(problem, state).first_root(problem.goals.targets[0] - volume).map_err(turns)?;
-    Ok(state.after(&line.step(t)))
+    let t = cubic.first_root(problem.goals.targets[0] - volume).map_err(turns)?;
+    let end = problem.with_points(state.after_part(&line.unit, t))?;
+    // What rounding left is taken away along the same line, where the volume is not about to turn.
+    let slope = cubic.slope(t);
+    Ok(problem.finished(end, |state, deficits, round| match round {
+        0 | 1 if slope > 0.5 * cubic.a1 => Some(state.after_part(&line.unit, deficits[0] / slope)),
+        _ => problem.after_least(state, deficits),
+    }))
 }
 
 /// The line `C + t D` through a state, for one goal.
@@ -64,17 +77,18 @@ impl Line {
         const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
         let d = &self.unit.vertices;
         let g = problem.goals.vertex_gradient(0, problem.solid, d);
-        let products = |x: &'_ [glam::DVec3]| {
-            let pairs = g.iter().zip(x).flat_map(|(g, x)| g.to_array().into_iter().zip(x.to_array()));
-            let (sum, magnitude) = double::dot(pairs);
+        // Σ a·b, 0 where it is rounding; in fixed chunks.
+        let product = |a: &[DVec3], b: &[DVec3]| {
+            let of_chunk = |range: Range<usize>| {
+                let pairs = a[range.clone()].iter().zip(&b[range]);
+                double::dot(pairs.flat_map(|(a, b)| a.to_array().into_iter().zip(b.to_array())))
+            };
+            let parts = parallel::map_chunks(a.len(), parallel::CHUNK, of_chunk);
+            let (sum, magnitude) =
+                parts.into_iter().fold((0.0, 0.0), |sums: (f64, f64), part| (sums.0 + part.0, sums.1 + part.1));
             if sum.abs() <= ROUNDINGS * magnitude { 0.0 } else { sum }
         };
-        Cubic { a1: self.slope, a2: products(&state.vertices), a3: products(d) / 3.0 }
-    }
-
-    fn step(&self, t: f64) -> Step {
-        let scaled = |vectors: &[glam::DVec3]| vectors.iter().map(|v| *v * t).collect();
-        Step { controls: scaled(&self.unit.controls), vertices: scaled(&self.unit.vertices) }
+        Cubic { a1: self.slope, a2: product(&g, &state.vertices), a3: product(&g, d) / 3.0 }
     }
 }
 
@@ -158,6 +172,11 @@ struct Cubic {
 }
 
 impl Cubic {
+    /// Its derivative at t.
+    fn slope(self, t: f64) -> f64 {
+        self.a1 + t * (2.0 * self.a2 + t * 3.0 * self.a3)
+    }
+
     /// The t nearest 0 with value `wanted`, such that the cubic is monotone between 0 and t. `Err`: the value at which it
     /// turns back before.
     fn first_root(self, wanted: f64) -> Result<f64, f64> {

@@ -10,7 +10,7 @@
 //! is brought back to the surface by the smallest steps, so every one has the wanted volumes and the distance |z| falls from
 //! one to the next: the iteration cannot diverge, however large the deficit is. Points that must come to exact places take their
 //! rows out of z, h and every step. The search starts from the gradient's correction, or, where the volume turns back on that
-//! line, from that along the axes.
+//! line, from that along the axes, or from where the gradients lead step by step.
 //!
 //! *Coarse level.* On a large mesh the search runs on a coarse stand-in ([`crate::coarse`]) whose volumes are tilted by a linear function
 //! of δ such that they and their gradients agree with the fine ones at the last fine iterate; then the fine mesh is evaluated at what
@@ -21,11 +21,13 @@
 //!
 //! - HB states this problem, (3), and solves it axis by axis to stay explicit; here it is solved as it stands.
 
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use crate::axes::{self, Axis};
 use crate::coarse::Coarse;
-use crate::correct::{CorrectError, Normals, Problem, State, Tilt};
+use crate::correct::{CorrectError, Normals, Problem, Slope, State, Tilt};
 use crate::gradient;
 use crate::rows::{add, dot};
 use crate::tolerances;
@@ -47,6 +49,8 @@ struct Iterate {
     state: State,
     /// δ = R z (#unknowns).
     z: Vec<f64>,
+    /// ∇V (#goals).
+    slopes: Vec<Slope>,
     normals: Normals,
     /// μ (#goals).
     multipliers: Vec<f64>,
@@ -66,8 +70,8 @@ pub(crate) fn corrected(problem: &Problem, start: State) -> Result<(State, f64),
         None => search.minimum(search.first(start)?),
     };
     let residual = best.residual_norm;
-    let end =
-        problem.finished(problem.with_points(best.state)?, |state, deficits, _| problem.least_step(state, deficits));
+    let end = problem.with_points(best.state)?;
+    let end = problem.finished(end, |state, deficits, _| problem.after_least(state, deficits));
     Ok((end, residual))
 }
 
@@ -83,10 +87,14 @@ impl Search<'_> {
             let axes = Axis::coordinates(problem.metric);
             axes::corrected(problem, start, &axes, None)
         };
-        let first =
-            gradient::corrected(problem, start.clone()).or_else(|error| along_axes(start).map_err(|_| error))?;
-        let z = problem.metric.coordinates(&first.displacement);
-        Ok(self.iterate(first, z))
+        let straight = gradient::corrected(problem, start.clone());
+        match straight.or_else(|error| along_axes(start.clone()).map_err(|_| error)) {
+            Ok(first) => {
+                let z = problem.metric.coordinates(&first.displacement);
+                Ok(self.iterate(first, z))
+            }
+            Err(error) => self.followed(&start).ok_or(error),
+        }
     }
 
     /// The nearest pose, searched from a pose on the surface.
@@ -147,11 +155,11 @@ impl Search<'_> {
         let goals = problem.goals.len();
         let controls = at.state.displacement.len();
         let level = Tilt { offset: vec![0.0; goals], slope: vec![vec![DVec3::ZERO; controls]; goals] };
-        let plain = problem.standing_for(&coarse.solid, &coarse.binding, coarse.posed.clone(), level);
+        let plain = problem.standing_for(&coarse.solid, &coarse.binding, &coarse.posed, level);
         let there = Search { problem: &plain }.state_at(&at.z, 0);
         let mut tilt = Tilt { offset: Vec::new(), slope: Vec::new() };
-        let fine = problem.slopes(&at.state);
-        for ((fine, coarse), (fine_volume, coarse_volume)) in fine
+        for ((fine, coarse), (fine_volume, coarse_volume)) in at
+            .slopes
             .iter()
             .zip(plain.slopes(&there))
             .zip(problem.goal_volumes(&at.state).into_iter().zip(plain.goal_volumes(&there)))
@@ -161,7 +169,7 @@ impl Search<'_> {
             tilt.offset.push(fine_volume - coarse_volume - linear);
             tilt.slope.push(slope);
         }
-        let tilted = problem.standing_for(&coarse.solid, &coarse.binding, coarse.posed.clone(), tilt);
+        let tilted = problem.standing_for(&coarse.solid, &coarse.binding, &coarse.posed, tilt);
         let search = Search { problem: &tilted };
         let first = match search.on_surface(&at.z, 0) {
             Some((state, z)) => search.iterate(state, z),
@@ -173,7 +181,8 @@ impl Search<'_> {
     /// A state with all that the next step needs.
     fn iterate(&self, state: State, z: Vec<f64>) -> Iterate {
         let problem = self.problem;
-        let normals = problem.normals(&problem.slopes(&state));
+        let slopes = problem.slopes(&state);
+        let normals = problem.normals(&slopes);
         let multipliers = normals.rows.multipliers(&z);
         let mut residual = z.clone();
         problem.project(&mut residual);
@@ -181,16 +190,16 @@ impl Search<'_> {
             add(&mut residual, -multiplier, h);
         }
         let residual_norm = largest(&problem.metric.displacement(&residual)) / problem.extent;
-        Iterate { state, z, normals, multipliers, residual, residual_norm }
+        Iterate { state, z, slopes, normals, multipliers, residual, residual_norm }
     }
 
     /// The pose of z.
     fn state_at(&self, z: &[f64], steps: usize) -> State {
         let problem = self.problem;
-        let step = problem.step(z);
-        let vertices: Vec<DVec3> = problem.posed.iter().zip(&step.vertices).map(|(p, d)| *p + *d).collect();
+        let displacement = problem.metric.displacement(z);
+        let vertices = Arc::new(problem.binding.displaced(&problem.posed, &displacement));
         let volumes = problem.solid.volumes(&vertices);
-        State { displacement: step.controls, vertices, volumes, steps }
+        State { displacement, vertices, volumes, steps }
     }
 
     /// The next pose on the surface that is nearer, by a Newton step or a fraction of it.
@@ -213,26 +222,58 @@ impl Search<'_> {
         None
     }
 
-    /// The pose of z, brought to the surface by the smallest steps: Newton's method. `None` where that fails.
+    /// The pose of z, brought to the surface by the smallest steps. `None` where that fails.
     fn on_surface(&self, z: &[f64], steps: usize) -> Option<(State, Vec<f64>)> {
+        self.brought(z, steps, &vec![0.0; self.problem.goals.len()])
+    }
+
+    /// The pose of z, brought by the smallest steps to where the deficits are `left` (#goals): Newton's method. `None` where that fails.
+    fn brought(&self, z: &[f64], steps: usize, left: &[f64]) -> Option<(State, Vec<f64>)> {
         let problem = self.problem;
-        let size = |state: &State| -> f64 {
-            problem.deficits(state).iter().zip(&problem.goals.targets).map(|(d, t)| (d / t).abs()).sum()
+        let open = |state: &State| -> Vec<f64> {
+            problem.deficits(state).iter().zip(left).map(|(deficit, left)| deficit - left).collect()
         };
+        let size = |open: &[f64]| -> f64 { open.iter().zip(&problem.goals.targets).map(|(o, t)| (o / t).abs()).sum() };
         let mut z = z.to_vec();
         let mut state = self.state_at(&z, steps + 1);
-        while !problem.is_met(&state) {
+        let mut missing = open(&state);
+        while missing.iter().enumerate().any(|(goal, open)| !problem.is_within_rounding(goal, *open)) {
             let normals = problem.normals(&problem.slopes(&state));
-            let mut further = problem.least(&normals, &problem.deficits(&state)).ok()?;
+            let mut further = problem.least(&normals, &missing).ok()?;
             add(&mut further, 1.0, &z);
             let next = self.state_at(&further, steps + 1);
-            if !(size(&next) <= 0.5 * size(&state)) {
-                let is_rounding = size(&state) <= tolerances::VOLUME * problem.goals.len() as f64;
+            let still_missing = open(&next);
+            if !(size(&still_missing) <= 0.5 * size(&missing)) {
+                let is_rounding = size(&missing) <= tolerances::VOLUME * problem.goals.len() as f64;
                 return is_rounding.then_some((state, z));
             }
-            (state, z) = (next, further);
+            (state, z, missing) = (next, further, still_missing);
         }
         Some((state, z))
+    }
+
+    /// A pose on the surface, followed from `start` along the gradients while the wanted volumes go from what they are to what they shall
+    /// be. `None` where they turn back on the way.
+    fn followed(&self, start: &State) -> Option<Iterate> {
+        /// The shortest part of the way that is tried. Shorter: more time is lost where there is no way.
+        const SHORTEST: f64 = 1.0 / 1024.0;
+        let problem = self.problem;
+        let deficits = problem.deficits(start);
+        let mut z = problem.metric.coordinates(&start.displacement);
+        let mut state = start.clone();
+        let (mut done, mut part) = (0.0, 0.25);
+        while done < 1.0 {
+            let next = f64::min(1.0, done + part);
+            let left: Vec<f64> = deficits.iter().map(|deficit| (1.0 - next) * deficit).collect();
+            match self.brought(&z, start.steps, &left) {
+                Some(there) => ((state, z), done, part) = (there, next, 2.0 * part),
+                None => part /= 2.0,
+            }
+            if part < SHORTEST {
+                return None;
+            }
+        }
+        Some(self.iterate(state, z))
     }
 
     /// Conjugate gradients on `P (I − Σ μ RᵀHR) P d = −r`, as far as curvature is positive.

@@ -148,7 +148,7 @@ impl<'a> Sensitivity<'a> {
             Linear::Gradient(gradient) => gradient.forward(problem, &cause.controls, &volumes, &moves),
             Linear::Axes(axes) => axes.forward(problem, &cause.controls, &volumes, &moves),
         };
-        Effect { vertices: problem.binding.apply(&controls), controls }
+        Effect { vertices: problem.returned(&problem.binding.apply(&controls), DVec3::ZERO), controls }
     }
 
     /// The Jacobian transposed times `effect`: the gradient, with respect to what the correction was given, of a function whose
@@ -161,7 +161,7 @@ impl<'a> Sensitivity<'a> {
     pub fn transposed(&self, effect: &Effect) -> Cause {
         let problem = &self.problem;
         assert_eq!(effect.controls.len(), problem.binding.control_count(), "one change for each control");
-        let through = problem.binding.adjoint(&effect.vertices);
+        let through = problem.binding.adjoint(&problem.ordered(&effect.vertices));
         let y: Vec<DVec3> = effect.controls.iter().zip(through).map(|(c, v)| *c + v).collect();
         let (mut controls, volumes, points) = match &self.way {
             Linear::Nearest(nearest) => nearest.transposed(problem, y),
