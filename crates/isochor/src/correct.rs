@@ -805,6 +805,9 @@ impl<'a> Problem<'a> {
 
     /// Whether the end of a correction is what was wanted.
     fn check(&self, end: &State) -> Result<(), CorrectError> {
+        if self.point_error(end).is_infinite() {
+            return Err(self.impossible(self.unmet_goal(end), Reason::Overflow));
+        }
         if self.point_error(end) > tolerances::POINT {
             let misses = self.moves(end).into_iter().map(|m| m.length()).enumerate();
             let (point, by) = misses.fold((0, 0.0), |worst, miss| if miss.1 > worst.1 { miss } else { worst });
