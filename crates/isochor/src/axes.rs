@@ -18,7 +18,7 @@ use crate::correct::{CorrectError, Problem, Reason, State, Step, spread};
 use crate::metric::{AxisMetric, Factors, Metric};
 use crate::parallel;
 use crate::points::point_rows;
-use crate::rows::{Missed, Rows, dot};
+use crate::rows::{Missed, Rows, dot, norm};
 use crate::tolerances;
 
 /// A direction to correct along.
@@ -333,7 +333,7 @@ impl Surface {
     /// How strong each goal's dependence on axis `k` is.
     fn strengths(&self, problem: &Problem, k: usize) -> Vec<Strength> {
         let strength = |(goal, pulled): (usize, &Vec<f64>)| {
-            let norm = dot(pulled, pulled).sqrt();
+            let norm = norm(pulled);
             let exceeds = |strength| norm > self.least(problem, k, goal, strength);
             match (exceeds(Strength::Weak), exceeds(Strength::Good)) {
                 (false, _) => Strength::Dead,

@@ -34,7 +34,7 @@ use crate::goals::{Components, GoalFault, Goals, VolumeGoal};
 use crate::mesh::Bounds;
 use crate::metric::{Factors, Metric};
 use crate::points::{PointRows, PointTarget};
-use crate::rows::{Missed, Rows};
+use crate::rows::{Missed, Rows, norm};
 use crate::sensitivity::Sensitivity;
 use crate::tolerances;
 use crate::volume::{Solid, Volumes};
@@ -807,6 +807,9 @@ impl<'a> Problem<'a> {
 
     /// Whether the end of a correction is what was wanted.
     fn check(&self, end: &State) -> Result<(), CorrectError> {
+        if self.point_error(end).is_infinite() {
+            return Err(self.impossible(self.unmet_goal(end), Reason::Overflow));
+        }
         if self.point_error(end) > tolerances::POINT {
             let misses = self.moves(end).into_iter().map(|m| m.length()).enumerate();
             let (point, by) = misses.fold((0, 0.0), |worst, miss| if miss.1 > worst.1 { miss } else { worst });
@@ -903,7 +906,7 @@ impl<'a> Problem<'a> {
             let mut pulled = self.metric.pulled(&slope.controls);
             self.project(&mut pulled);
             let least = tolerances::DEAD_AXIS * slope.spread * root;
-            normals.is_dead.push(crate::rows::dot(&pulled, &pulled) <= least * least);
+            normals.is_dead.push(norm(&pulled) <= least);
             normals.rows.push(pulled.clone(), least);
             normals.pulled.push(pulled);
         }

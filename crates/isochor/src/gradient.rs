@@ -17,7 +17,7 @@ use glam::DVec3;
 
 use crate::correct::{CorrectError, Problem, Reason, State, Step};
 use crate::parallel;
-use crate::rows::{add, dot};
+use crate::rows::{add, dot, norm};
 use crate::tolerances;
 
 /// Corrects by one step along the gradient, or along the gradients of several volumes.
@@ -52,9 +52,9 @@ fn along_line(problem: &Problem, state: &State) -> Result<State, CorrectError> {
 
 /// The line `C + t D` through a state, for one goal.
 struct Line {
-    /// D = R Rᵀ Wᵀ g (#controls × 3), less what would move a point, and d = W D (#vertices × 3).
+    /// D = R h/|h| (#controls × 3) with h = Rᵀ Wᵀ g, less what would move a point, and d = W D (#vertices × 3).
     unit: Step,
-    /// a₁ = (Wᵀ g) · D.
+    /// a₁ = (Wᵀ g) · D = |h|.
     slope: f64,
 }
 
@@ -62,8 +62,11 @@ impl Line {
     /// `None` where the volume depends on no control.
     fn at(problem: &Problem, state: &State) -> Option<Self> {
         let normals = problem.normals(&problem.slopes(state));
-        let pulled = &normals.pulled[0];
-        normals.rows.is_independent(0).then(|| Self { unit: problem.step(pulled), slope: dot(pulled, pulled) })
+        normals.rows.is_independent(0).then(|| {
+            let slope = norm(&normals.pulled[0]);
+            let unit: Vec<f64> = normals.pulled[0].iter().map(|h| h / slope).collect();
+            Self { unit: problem.step(&unit), slope }
+        })
     }
 
     /// a₁, a₂, a₃. Coefficients below the rounding of their summed terms are 0: they are noise, and noise can bend a line
@@ -107,19 +110,26 @@ fn product_and_magnitude(a: &[DVec3], b: &[DVec3]) -> (f64, f64) {
 fn along_all(problem: &Problem, start: &State) -> Result<State, CorrectError> {
     /// The shortest part of the way that is tried. Shorter: more ends are reached that lie just before a turn.
     const SHORTEST: f64 = 1.0 / 1024.0;
+    /// How near to the way Newton's steps must come where rounding stops them: the last steps start from there. More: a path may jump;
+    /// less: rounding passes for a turn.
+    const NEAR: f64 = 1e-9;
     let normals = problem.normals(&problem.slopes(start));
     let deficits = problem.deficits(start);
     problem.least(&normals, &deficits)?; // names goals that no displacement meets
     let goals = deficits.len();
     let free: Vec<usize> = (0..goals).filter(|goal| normals.rows.is_independent(*goal)).collect();
+    // In units in which the Jacobian matrix has numbers near 1.
+    let lengths: Vec<f64> = free.iter().map(|goal| norm(&normals.pulled[*goal])).collect();
+    let unit = |(goal, length): (&usize, &f64)| normals.pulled[*goal].iter().map(|h| h / length).collect();
+    let lines: Vec<Vec<f64>> = free.iter().zip(&lengths).map(unit).collect();
     let state_at = |t: &[f64]| {
         let mut z = vec![0.0; problem.metric.unknowns()];
-        free.iter().zip(t).for_each(|(goal, t)| add(&mut z, *t, &normals.pulled[*goal]));
+        lines.iter().zip(t).for_each(|(line, t)| add(&mut z, *t, line));
         problem.measured(start.after(&problem.step(&z)))
     };
     let jacobian = |state: &State| {
         let at = problem.normals(&problem.slopes(state));
-        Mat::from_fn(free.len(), free.len(), |i, j| dot(&at.pulled[free[i]], &normals.pulled[free[j]]))
+        Mat::from_fn(free.len(), free.len(), |i, j| dot(&at.pulled[free[i]], &lines[j]) / lengths[i])
     };
     let size = |missing: &[f64]| -> f64 {
         missing.iter().zip(&free).map(|(m, goal)| (m / problem.goals.targets[*goal]).abs()).sum()
@@ -143,13 +153,14 @@ fn along_all(problem: &Problem, start: &State) -> Result<State, CorrectError> {
                 has_arrived = true;
                 break;
             }
-            let step = next_slope.partial_piv_lu().solve(MatRef::from_column_major_slice(&open, open.len(), 1));
+            let scaled: Vec<f64> = open.iter().zip(&lengths).map(|(open, length)| open / length).collect();
+            let step = next_slope.partial_piv_lu().solve(MatRef::from_column_major_slice(&scaled, scaled.len(), 1));
             let further: Vec<f64> = at.iter().enumerate().map(|(k, t)| t + step[(k, 0)]).collect();
             let there = state_at(&further);
             let left = size(&missing(&there));
             // Newton's steps shrink quadratically; what does not at least halve is no longer on its way, or has arrived.
             if !(left <= 0.5 * size(&open)) {
-                has_arrived = size(&open) <= tolerances::VOLUME * goals as f64;
+                has_arrived = size(&open) <= NEAR * goals as f64;
                 break;
             }
             (next_slope, next, at) = (jacobian(&there), there, further);

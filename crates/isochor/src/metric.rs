@@ -97,9 +97,11 @@ impl Factor {
             .map(|(i, j, s)| Triplet::new(row[*i], row[*j], *s))
             .collect();
         let matrix = SparseColMat::try_new_from_triplets(free.len(), free.len(), &entries).ok()?;
+        // `FORCE_SUPERNODAL` is 0, and a diagonal matrix takes no more than 0 operations for each entry.
+        const ALWAYS: SupernodalThreshold = SupernodalThreshold(-1.0);
         let supernodal = SymbolicSupernodalParams::default();
         let params = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: SupernodalThreshold::FORCE_SUPERNODAL,
+            supernodal_flop_ratio_threshold: ALWAYS,
             supernodal_params: supernodal,
             ..CholeskySymbolicParams::default()
         };

@@ -118,8 +118,17 @@ pub(crate) fn add(a: &mut [f64], factor: f64, b: &[f64]) {
     a.iter_mut().zip(b).for_each(|(a, b)| *a += factor * *b);
 }
 
-fn norm(a: &[f64]) -> f64 {
-    dot(a, a).sqrt()
+/// |a|, also where its square leaves the range of numbers.
+pub(crate) fn norm(a: &[f64]) -> f64 {
+    let square = dot(a, a);
+    if square.is_normal() {
+        return square.sqrt();
+    }
+    let largest = a.iter().fold(0.0, |largest: f64, x| largest.max(x.abs()));
+    if largest == 0.0 || !largest.is_finite() {
+        return largest;
+    }
+    largest * a.iter().map(|x| (x / largest) * (x / largest)).sum::<f64>().sqrt()
 }
 
 #[cfg(test)]

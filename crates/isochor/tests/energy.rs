@@ -193,3 +193,23 @@ fn an_energy_for_other_controls_is_refused() {
     let refused = correct(&pose, &Wanted::volume(1.0), &options).unwrap_err();
     assert!(refused.to_string().contains("energy has 36 entries: 27"), "{refused}");
 }
+
+#[test]
+fn an_energy_of_controls_that_do_not_touch_has_a_diagonal_factor() {
+    // One control may move: the factor is a number. Two corners: a diagonal.
+    let bodies = Bodies::new(&mut Random(9), [4, 4, 4], 0.05);
+    let pose = Pose { solid: &bodies.solid, vertices: &bodies.vertices, binding: &bodies.binding };
+    let target = 1.001 * bodies.solid.volume(&bodies.vertices);
+    for free in [&[[1, 1, 1]][..], &[[0, 0, 0], [3, 3, 3]]] {
+        let mut mobility = vec![DVec3::ZERO; bodies.controls()];
+        free.iter().for_each(|node| mobility[bodies.lattice.index(*node)] = DVec3::ONE);
+        for method in [Method::Nearest, Method::Gradient, Method::xyz()] {
+            for (name, energy) in energies(&bodies) {
+                let (method, mobility) = (method.clone(), Some(mobility.clone()));
+                let options = CorrectOptions { method, mobility, energy: Some(energy) };
+                let corrected = correct(&pose, &Wanted::volume(target), &options).unwrap();
+                assert!(corrected.relative_error <= 1e-13, "{name}");
+            }
+        }
+    }
+}

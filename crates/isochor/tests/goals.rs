@@ -269,3 +269,18 @@ fn a_prepared_corrector_gives_the_same_as_one_off_corrections() {
         }
     }
 }
+
+#[test]
+fn squares_of_gradients_may_leave_the_range_of_numbers() {
+    let mut bodies = Bodies::new(&mut Random(13), [4, 4, 4], 0.05);
+    bodies.vertices.iter_mut().for_each(|p| *p *= 1e82);
+    let volumes = each(&bodies, [1.05, 0.97, 1.1]);
+    let volumes: Vec<VolumeGoal> = volumes.into_iter().map(|g| VolumeGoal { volume: g.volume * 1e246, ..g }).collect();
+    for count in [1, 3] {
+        for method in methods() {
+            let options = CorrectOptions { method, ..CorrectOptions::default() };
+            let wanted = Wanted { volumes: volumes[..count].to_vec(), points: vec![] };
+            check(&bodies, &wanted, None, &solve(&bodies, &wanted, &options).unwrap());
+        }
+    }
+}
