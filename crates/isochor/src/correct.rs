@@ -218,7 +218,7 @@ pub enum CorrectError {
         goal: usize,
     },
     /// An energy whose matrix cannot be factorised.
-    #[error("the energy's matrix for {controls} controls cannot be factorised in memory")]
+    #[error("the matrix of the energy of {controls} controls is too large for memory")]
     Energy {
         /// Number of controls.
         controls: usize,
@@ -267,13 +267,15 @@ pub enum Reason {
     #[error("the volume does not depend on any movable control along the chosen directions")]
     Dead,
     /// The volume changes only together with other wanted volumes, which want something else.
-    #[error("it depends on the movable controls in the same way as other wanted volumes do, and misses by {by:e}")]
+    #[error(
+        "the controls that can move change it only together with other wanted volumes, so that it misses by {by:e}"
+    )]
     Coupled {
         /// By how far it misses.
         by: f64,
     },
     /// Other wanted volumes leave no choice.
-    #[error("the other wanted volumes make it {follows:e}")]
+    #[error("it follows from other wanted volumes, which make it {follows:e}")]
     Follows {
         /// What it is, given the others.
         follows: f64,

@@ -72,6 +72,7 @@
 
 mod axes;
 mod binding;
+mod body;
 mod bspline;
 mod coarse;
 mod correct;
@@ -143,4 +144,6 @@ pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 mod pages {
     #[doc = include_str!("../../../docs/correct.md")]
     mod correct {}
+    #[doc = include_str!("../../../docs/sensitivity.md")]
+    mod sensitivity {}
 }
