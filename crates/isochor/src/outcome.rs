@@ -134,7 +134,7 @@ pub enum JobError {
     #[error(transparent)]
     Correct(#[from] CorrectError),
     /// One of several wanted volumes cannot be met.
-    #[error("{name} cannot become {target:e} (it is {volume:e}): impossible, because {reason}")]
+    #[error("{name} cannot become {target:?} (it is {volume:?}): impossible, because {reason}")]
     Volume {
         /// Which of them, such as "the capacity of component 2".
         name: String,
