@@ -161,6 +161,9 @@ pub struct DeformArgs {
     /// The method; with --preserve AXES, nearest and gradient move control points along these axes only.
     #[arg(long, value_enum, help_heading = "Volume")]
     pub method: Option<MethodArg>,
+    /// What the correction keeps small.
+    #[arg(long, value_enum, help_heading = "Volume")]
+    pub objective: Option<ObjectiveArg>,
     /// The wanted volume: rest, free, 120%, a number, or a range such as 95%..105%; for several volumes each, each=110%, or
     /// material=100%,capacity=110%.
     #[arg(long, value_name = "VOLUME", help_heading = "Volume")]
@@ -237,6 +240,18 @@ pub enum MethodArg {
     Gradient,
     /// One direction after the other.
     Axes,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum ObjectiveArg {
+    /// The displacement of the control points.
+    Controls,
+    /// The displacement of the vertices.
+    Surface,
+    /// The changes of the lattice's edges.
+    Edges,
+    /// The bending of the lattice.
+    Bending,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -22,7 +22,7 @@ struct Story {
     job: &'static str,
 }
 
-const STORIES: [Story; 4] = [
+const STORIES: [Story; 7] = [
     Story {
         name: "ball",
         about: "a ball is flattened to 40 % of its height; it grows sideways only, as squash and stretch should",
@@ -50,6 +50,27 @@ const STORIES: [Story; 4] = [
         mesh: || shapes::uv_torus(1.0, 0.3, 96, 48),
         extension: "ply",
         job: "[lattice]\nsize = [10, 6, 6]\n\n[[edit]]\nbend = { axis = \"x\", degrees = 100, towards = \"z\" }\n",
+    },
+    Story {
+        name: "flask",
+        about: "a hollow flask is twisted and narrowed; it holds 10 % more of the same amount of glass, and its foot stays",
+        mesh: || shapes::hollow_bottle(96, 120, 0.05),
+        extension: "ply",
+        job: "[lattice]\nsize = [6, 6, 10]\nmargin = 0.05\n\n[[edit]]\ntwist = { axis = \"z\", degrees = 90 }\n[[edit]]\ntaper = { axis = \"z\", scale = 0.7 }\n\n[preserve]\nvolume = { material = \"100%\", capacity = \"110%\" }\npin = { k = [0, 1] }\n",
+    },
+    Story {
+        name: "ear",
+        about: "the tip of an ear is pulled to an exact place; the correction of the volume stays near it",
+        mesh: || shapes::eared_ball(5),
+        extension: "ply",
+        job: "[lattice]\nsize = 10\n\n[[edit]]\ndrag = { vertex = 3, to = [0, 1.2, 1.8] }\n\n[preserve]\nfalloff = { vertex = 3, radius = 0.1 }\n",
+    },
+    Story {
+        name: "chain",
+        about: "a chain is bent by 100 degrees, and every link keeps its own volume",
+        mesh: || shapes::chain(5, 72, 36),
+        extension: "ply",
+        job: "[lattice]\nsize = [10, 6, 6]\n\n[[edit]]\nbend = { axis = \"x\", degrees = 100, towards = \"z\" }\n\n[preserve]\nvolume = \"each\"\n",
     },
 ];
 

@@ -3,12 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use isochor::{
-    BasisKind, Directions, Job, KnotRule, Knots, LatticeRequest, MethodKind, MobilityKind, OpenBoundaries, Outside,
-    Precision, Preserve, VolumeTarget,
+    BasisKind, Directions, Job, KnotRule, Knots, LatticeRequest, MethodKind, MobilityKind, Objective, OpenBoundaries,
+    Outside, Precision, Preserve, VolumeTarget,
 };
 use isochor_io::Format;
 
-use crate::args::{BasisArg, DeformArgs, KnotsArg, MethodArg, MobilityArg, OpenArg, OutsideArg, PrecisionArg};
+use crate::args::{
+    BasisArg, DeformArgs, KnotsArg, MethodArg, MobilityArg, ObjectiveArg, OpenArg, OutsideArg, PrecisionArg,
+};
 use crate::failure::Failure;
 use crate::{files, flags};
 
@@ -177,6 +179,13 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
         Some(MethodArg::Nearest) => preserve.method = Some(MethodKind::Nearest),
         Some(MethodArg::Gradient) => preserve.method = Some(MethodKind::Gradient),
         Some(MethodArg::Axes) => preserve.method = Some(MethodKind::Axes),
+        None => {}
+    }
+    match args.objective {
+        Some(ObjectiveArg::Controls) => preserve.objective = Objective::Controls,
+        Some(ObjectiveArg::Surface) => preserve.objective = Objective::Surface,
+        Some(ObjectiveArg::Edges) => preserve.objective = Objective::Edges,
+        Some(ObjectiveArg::Bending) => preserve.objective = Objective::Bending,
         None => {}
     }
     if let Some(text) = &args.shares {

@@ -133,6 +133,9 @@ fn component_lines(components: &[ComponentHealth]) -> Vec<String> {
     let line = |(c, component): (usize, &ComponentHealth)| {
         let ComponentHealth { volume, role, capacity, material } = component;
         let role = match role {
+            Role::Cavity { of } => {
+                return format!("component {c}: cavity of component {of}, capacity {}", significant(volume.abs()));
+            }
             Role::Solid => "solid".into(),
             Role::Shell(Shell { cavities, .. }) => format!(
                 "shell with {} {}: capacity {}, material {}",
@@ -141,7 +144,6 @@ fn component_lines(components: &[ComponentHealth]) -> Vec<String> {
                 significant(capacity.unwrap_or_default()),
                 significant(material.unwrap_or_default())
             ),
-            Role::Cavity { of } => format!("cavity of component {of}"),
             Role::Inward => "wound inwards, inside nothing".into(),
             Role::Nothing => "encloses nothing".into(),
         };
@@ -178,7 +180,7 @@ pub fn volume_lines(report: &Report) -> Vec<String> {
     } else if !volume.parts.is_empty() {
         lines.push(format!("       final     {}", change(row.corrected)));
     }
-    lines.extend(part_lines(&volume.parts));
+    lines.extend(part_lines(&volume.parts, &report.model.roles));
     if row.target.is_some() || !volume.parts.is_empty() {
         let correction = &report.correction;
         lines.push(format!(
@@ -194,14 +196,25 @@ pub fn volume_lines(report: &Report) -> Vec<String> {
     lines
 }
 
-/// What became of each of several volumes, for people.
-fn part_lines(parts: &[PartRow]) -> Vec<String> {
+/// What became of each of several volumes of a model with these components, for people.
+fn part_lines(parts: &[PartRow], model: &[ComponentHealth]) -> Vec<String> {
+    let is_cavity = |c: &usize| matches!(model[*c].role, Role::Cavity { .. });
+    let cavities = (0..model.len()).filter(is_cavity).count();
+    let name = |components: &[usize]| {
+        let are_cavities = components.iter().all(is_cavity);
+        match components.len() {
+            1 if are_cavities => format!("cavity {}", listed(components)),
+            1 => format!("component {}", listed(components)),
+            all if all == model.len() && cavities > 0 => "material".into(),
+            _ if are_cavities => format!("cavities {}", listed(components)),
+            _ => format!("components {}", listed(components)),
+        }
+    };
     let line = |PartRow { components, row }: &PartRow| {
-        let name = if components.len() == 1 { "component" } else { "components" };
         let change = |volume: f64| format!("{} ({:+.3} %)", significant(volume), 100.0 * (volume / row.rest - 1.0));
         let error = row.relative_error.map_or_else(String::new, |error| format!(", relative error {error:.1e}"));
         let (posed, end) = (change(row.posed), change(row.corrected));
-        format!("{name} {}: posed {posed}, final {end}{error}", listed(components))
+        format!("{}: posed {posed}, final {end}{error}", name(components))
     };
     let mut lines: Vec<String> = parts.iter().take(MOST_LISTED).map(line).collect();
     if parts.len() > MOST_LISTED {
@@ -256,11 +269,11 @@ mod tests {
         let parts = |components: &[usize]| PartRow { components: components.to_vec(), row };
         let volume = report.volume.as_mut().unwrap();
         volume.parts = vec![parts(&[1]), parts(&[0, 1])];
-        volume.parts.extend((0..20).map(|c| parts(&[c])));
+        volume.parts.extend([0; 20].map(|c| parts(&[c])));
         let lines = volume_lines(&report);
         let change = "posed 0.5000000000000 (-50.000 %), final 2.000000000000 (+100.000 %), relative error 0.0e0";
-        assert_eq!(lines[3], format!("component 1: {change}"));
-        assert_eq!(lines[4], format!("components 0, 1: {change}"));
+        assert_eq!(lines[3], format!("cavity 1: {change}"));
+        assert_eq!(lines[4], format!("material: {change}"));
         assert_eq!(lines[13], "… and 12 more volumes; --json lists all");
         assert!(lines[14].starts_with("correction: ") && lines.len() == 15, "{lines:?}");
         assert_eq!(listed(&(0..12).collect::<Vec<_>>()), "0, 1, 2, 3, 4, 5, 6, 7, 8, 9 and 2 more");

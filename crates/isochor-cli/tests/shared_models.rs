@@ -441,6 +441,42 @@ fn automatic_mobility_corrects_real_models_where_they_lost_volume() {
     }
 }
 
+/// Every body of real models of many bodies keeps, or gets, its own volume.
+#[test]
+#[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+fn bodies_of_real_models_have_their_own_volumes() {
+    for (file, count) in [("closed/ant.ply", 15), ("formats/real/rabbit.obj", 9)] {
+        let rest = read(file).unwrap();
+        let point = rest.mesh().points()[7] + 0.05 * DVec3::Y * rest.mesh().bounds().unwrap().extent();
+        let rest = health(&rest).volume.unwrap().components;
+        assert_eq!(rest.len(), count, "{file}");
+        let folder = tempfile::tempdir().unwrap();
+        let output = folder.path().join(file.rsplit('/').next().unwrap());
+        let point = format!("7:{},{},{}", point.x, point.y, point.z);
+        for (flags, wanted) in [
+            (vec!["--volume", "each"], (0..count).map(|c| (c, 1.0)).collect::<Vec<_>>()),
+            (vec!["--volume", "each=115%", "--preserve", "gradient"], (0..count).map(|c| (c, 1.15)).collect()),
+            (
+                vec!["--part", "0=120%", "--part", "3=80%", "--pin", "i=0", "--objective", "edges"],
+                vec![(0, 1.2), (3, 0.8)],
+            ),
+            (vec!["--volume", "each", "--drag", &point], (0..count).map(|c| (c, 1.0)).collect()),
+        ] {
+            let mut command = Command::new(env!("CARGO_BIN_EXE_isochor"));
+            command.args(["deform", "--json", "--quiet", "--lattice", "10", "--bend", "z=40,x", "--precision", "f64"]);
+            let line = flags.join(" ");
+            let ran = command.args(&flags).arg("--output").arg(&output).arg(shared(file)).output().unwrap();
+            assert!(ran.status.success(), "{file} {line}: {}", String::from_utf8_lossy(&ran.stdout));
+            let format = Format::from_path(&output).unwrap();
+            let after = health(&Document::parse(std::fs::read(&output).unwrap(), format).unwrap()).volume.unwrap();
+            for (c, factor) in wanted {
+                let error = (after.components[c] / rest[c] / factor - 1.0).abs();
+                assert!(error <= 1e-12, "{file} {line}: component {c} is off by {error:e}");
+            }
+        }
+    }
+}
+
 /// The text of the header, and the bytes behind the vertices: `float x, y, z` each, as in all models that are tried here.
 fn header_and_faces(ply: &[u8]) -> (&str, &[u8]) {
     let end = ply.windows(11).position(|w| w == b"end_header\n").unwrap() + 11;

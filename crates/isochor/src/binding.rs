@@ -219,9 +219,19 @@ impl Binding {
         weights
     }
 
+    /// Entries that [`Binding::gram`] goes through; `None` where there are too many to count.
+    pub(crate) fn gram_len(&self) -> Option<usize> {
+        self.reaches().into_iter().try_fold(self.control_count(), usize::checked_mul)
+    }
+
+    /// Controls that share a vertex with one, itself included, at most, along u, v, w.
+    fn reaches(&self) -> [usize; 3] {
+        self.lengths.map(|l| 2 * l - 1)
+    }
+
     /// The entries (i, j, value), i ≤ j, of `Wᵀ W` (#controls × #controls) that can differ from 0, in no particular order, none twice.
     pub(crate) fn gram(&self) -> Vec<(usize, usize, f64)> {
-        let [wide, deep, high] = self.lengths.map(|l| 2 * l - 1);
+        let [wide, deep, high] = self.reaches();
         let reach = self.lengths.map(|l| l - 1);
         // For each control its products with those around it, by difference of indices.
         let mut products = vec![0.0; self.control_count() * wide * deep * high];

@@ -221,7 +221,7 @@ pub enum CorrectError {
         goal: usize,
     },
     /// An energy whose matrix cannot be factorised.
-    #[error("the energy's matrix for {controls} controls cannot be factorised in memory")]
+    #[error("the matrix of the energy of {controls} controls is too large for memory")]
     Energy {
         /// Number of controls.
         controls: usize,
@@ -252,8 +252,8 @@ pub enum CorrectError {
 fn unmet(goal: Option<usize>, target: f64, volume: f64) -> String {
     match goal {
         None => "the points cannot all come to their places".into(),
-        Some(0) => format!("the volume cannot become {target:e} (it is {volume:e})"),
-        Some(goal) => format!("wanted volume {goal} cannot become {target:e} (it is {volume:e})"),
+        Some(0) => format!("the volume cannot become {target:?} (it is {volume:?})"),
+        Some(goal) => format!("wanted volume {goal} cannot become {target:?} (it is {volume:?})"),
     }
 }
 
@@ -270,20 +270,22 @@ pub enum Reason {
     #[error("the volume does not depend on any movable control along the chosen directions")]
     Dead,
     /// The volume changes only together with other wanted volumes, which want something else.
-    #[error("it depends on the movable controls in the same way as other wanted volumes do, and misses by {by:e}")]
+    #[error(
+        "the controls that can move change it only together with other wanted volumes, so that it misses by {by:.1e}"
+    )]
     Coupled {
         /// By how far it misses.
         by: f64,
     },
     /// Other wanted volumes leave no choice.
-    #[error("the other wanted volumes make it {follows:e}")]
+    #[error("it follows from other wanted volumes, which make it {follows:?}")]
     Follows {
         /// What it is, given the others.
         follows: f64,
     },
     /// The volume along the gradient line turns back before the target.
     #[error(
-        "along the gradient the volume can only reach {limit:e}, then it turns back; give more controls freedom, choose axes, \
+        "along the gradient the volume can only reach {limit:?}, then it turns back; give more controls freedom, choose axes, \
          or ask for less change"
     )]
     Turns {

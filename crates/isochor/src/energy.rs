@@ -11,13 +11,18 @@
 //!
 //! - The paper names these functionals and leaves them, as they take a linear system to solve; here it is factorised once.
 //! - Displacements that an energy does not feel (translations, for edges; affine maps, for bending) would be free of charge and the
-//!   smallest not unique. So each S is scaled to a mean diagonal of 1, and [`tolerances::ENERGY_FLOOR`] times the identity is added.
+//!   smallest not unique. So each S is scaled to a mean diagonal of 1, and [`tolerances::ENERGY_FLOOR`] (surface: [`tolerances::SURFACE_FLOOR`]) times the
+//!   identity is added.
 
 use glam::DVec3;
 
 use crate::binding::Binding;
+use crate::correct::CorrectError;
 use crate::lattice::Lattice;
 use crate::tolerances;
+
+/// Entries at most, those that are 0 or stand twice included. More: gigabytes; fewer: 50³ control points must do.
+const MOST_ENTRIES: usize = 1 << 26;
 
 /// A quadratic form of the control displacement, the same for each coordinate.
 #[derive(Clone, Debug, PartialEq)]
@@ -29,14 +34,26 @@ pub struct Energy {
 
 impl Energy {
     /// The squared distances of the vertices of `binding` before and after.
-    #[must_use]
-    pub fn surface(binding: &Binding) -> Self {
-        Self::scaled(binding.control_count(), binding.gram())
+    ///
+    /// # Errors
+    ///
+    /// [`CorrectError::Energy`] where the matrix is too large. In Bernstein lattices every control is coupled with every other.
+    pub fn surface(binding: &Binding) -> Result<Self, CorrectError> {
+        let controls = binding.control_count();
+        checked(controls, binding.gram_len())?;
+        Ok(Self::scaled(controls, binding.gram(), tolerances::SURFACE_FLOOR))
     }
 
     /// The squared changes of the lattice's edge vectors, relative to their rest lengths.
-    #[must_use]
-    pub fn edges(lattice: &Lattice) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`CorrectError::Energy`] where the matrix is too large.
+    pub fn edges(lattice: &Lattice) -> Result<Self, CorrectError> {
+        /// Of three edges at a control, three each.
+        const ENTRIES: usize = 9;
+        let controls = lattice.control_count();
+        checked(controls, controls.checked_mul(ENTRIES))?;
         let rest = lattice.rest();
         let mut terms = Terms::default();
         for (a, node) in rest.iter().enumerate() {
@@ -46,12 +63,19 @@ impl Energy {
                 }
             }
         }
-        Self::scaled(rest.len(), terms.entries)
+        Ok(Self::scaled(rest.len(), terms.entries, tolerances::ENERGY_FLOOR))
     }
 
     /// The squared second differences of the displacement.
-    #[must_use]
-    pub fn bending(lattice: &Lattice) -> Self {
+    ///
+    /// # Errors
+    ///
+    /// [`CorrectError::Energy`] where the matrix is too large.
+    pub fn bending(lattice: &Lattice) -> Result<Self, CorrectError> {
+        /// Of three differences along and three across at a control, six and ten each.
+        const ENTRIES: usize = 48;
+        let controls = lattice.control_count();
+        checked(controls, controls.checked_mul(ENTRIES))?;
         let rest = lattice.rest();
         let length = |a: usize, b: usize| rest[a].distance(rest[b]);
         let mut terms = Terms::default();
@@ -72,7 +96,7 @@ impl Energy {
                 }
             }
         }
-        Self::scaled(rest.len(), terms.entries)
+        Ok(Self::scaled(rest.len(), terms.entries, tolerances::ENERGY_FLOOR))
     }
 
     /// Number of controls that it is for.
@@ -98,7 +122,7 @@ impl Energy {
         self.upper.iter().map(|&(i, j, s)| if i == j { s } else { 2.0 * s } * y[i].dot(y[j])).sum()
     }
 
-    fn scaled(controls: usize, mut entries: Vec<(usize, usize, f64)>) -> Self {
+    fn scaled(controls: usize, mut entries: Vec<(usize, usize, f64)>, floor: f64) -> Self {
         entries.retain(|(i, j, _)| i <= j);
         entries.sort_by_key(|&(i, j, _)| (j, i)); // stable: equal entries are summed in the order in which they came
         entries.dedup_by(|next, sum| {
@@ -111,7 +135,7 @@ impl Energy {
         let mut upper = Vec::with_capacity(entries.len() + controls);
         let mut entries = entries.into_iter().peekable();
         for j in 0..controls {
-            let mut diagonal = tolerances::ENERGY_FLOOR;
+            let mut diagonal = floor;
             while let Some((i, _, value)) = entries.next_if(|entry| entry.1 == j) {
                 if i == j {
                     diagonal += scale * value;
@@ -122,6 +146,14 @@ impl Energy {
             upper.push((j, j, diagonal));
         }
         Self { controls, upper }
+    }
+}
+
+/// Whether a matrix for so many controls has few enough entries.
+fn checked(controls: usize, entries: Option<usize>) -> Result<(), CorrectError> {
+    match entries {
+        Some(entries) if entries <= MOST_ENTRIES => Ok(()),
+        _ => Err(CorrectError::Energy { controls }),
     }
 }
 

@@ -246,6 +246,25 @@ pub enum Objective {
     /// The squared displacement of the control points, over their mobilities.
     #[default]
     Controls,
+    /// The squared displacement of the vertices.
+    Surface,
+    /// The squared changes of the lattice's edges.
+    Edges,
+    /// The squared second differences of the displacement.
+    Bending,
+}
+
+impl Objective {
+    /// Its word in a job.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Controls => "controls",
+            Self::Surface => "surface",
+            Self::Edges => "edges",
+            Self::Bending => "bending",
+        }
+    }
 }
 
 /// Where mobilities come from, before pins and falloff.

@@ -72,6 +72,7 @@
 
 mod axes;
 mod binding;
+mod body;
 mod bspline;
 mod coarse;
 mod correct;
@@ -148,4 +149,6 @@ mod pages {
     mod correct {}
     #[doc = include_str!("../../../docs/preview.md")]
     mod preview {}
+    #[doc = include_str!("../../../docs/sensitivity.md")]
+    mod sensitivity {}
 }

@@ -20,6 +20,9 @@ use glam::DVec3;
 
 use crate::energy::Energy;
 
+/// Numbers in a Cholesky factor at most. More: gigabytes, and minutes; fewer: 30³ control points must do.
+const MOST_VALUES: usize = 1 << 27;
+
 /// The metric of displacements along x, y and z.
 #[derive(Clone, Debug)]
 pub(crate) struct Metric {
@@ -107,6 +110,9 @@ impl Factor {
         };
         let symbolic =
             factorize_symbolic_cholesky(matrix.symbolic(), Side::Upper, SymmetricOrdering::Amd, params).ok()?;
+        if symbolic.len_val() > MOST_VALUES {
+            return None;
+        }
         let mut values = vec![0.0; symbolic.len_val()];
         let scratch = symbolic.factorize_numeric_llt_scratch::<f64>(Par::Seq, Default::default());
         let mut memory = MemBuffer::try_new(scratch).ok()?;

@@ -6,23 +6,24 @@
 use glam::{DMat3, DVec3};
 
 use crate::binding::{Binding, BoundVertices, displaced, translated};
+use crate::body::{Body, Wish};
 use crate::bspline::{Basis, BasisError};
 use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, Wanted, correct};
 use crate::edit::{Edit, EditError};
-use crate::goals::{Components, VolumeGoal};
-use crate::health::{ComponentHealth, Health, Source};
+use crate::energy::Energy;
+use crate::goals::VolumeGoal;
+use crate::health::{Health, Source};
 use crate::job::{
-    Amount, AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, LatticeRequest, MethodKind,
-    MobilityKind, PartTarget, PointRequest, Preserve, VolumeTarget,
+    AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, LatticeRequest, MethodKind, MobilityKind,
+    Objective, PointRequest, Preserve, VolumeTarget,
 };
 use crate::lattice::{Frame, Lattice, LatticeError, Outside};
 use crate::locality::{LocalityOptions, local_mobility};
 use crate::mesh::{Bounds, Mesh};
 use crate::points::PointTarget;
 use crate::preview::Preview;
-use crate::report::{CorrectionReport, PartRow, Report, Stopwatch, VolumeReport, VolumeRow};
+use crate::report::{CorrectionReport, Report, Stopwatch};
 use crate::select::{ControlSpace, SelectError};
-use crate::shells::Role;
 use crate::tolerances;
 use crate::topology::topology;
 use crate::volume::{OpenBoundaries, Solid, SolidError, Volumes};
@@ -133,9 +134,23 @@ pub enum JobError {
     /// The correction is impossible.
     #[error(transparent)]
     Correct(#[from] CorrectError),
+    /// One of several wanted volumes cannot be met.
+    #[error("{name} cannot become {target:?} (it is {volume:?}): impossible, because {reason}")]
+    Volume {
+        /// Which of them, such as "the capacity of component 2".
+        name: String,
+        /// Where the request asks for it.
+        place: String,
+        /// The wanted volume, positive as the request has it.
+        target: f64,
+        /// That volume of the pose, counted in the same way.
+        volume: f64,
+        /// Why not.
+        reason: Reason,
+    },
     /// The correction is impossible with the controls that the mobility "auto" lets move.
     #[error("with mobility \"auto\" only control points where volume was lost can move: {0}")]
-    Local(CorrectError),
+    Local(Box<Self>),
     /// A dragged vertex cannot be at its target after the correction.
     #[error(
         "edit {}: drag: vertex {vertex} misses its target by {by:.3e} whatever the correction does, given the other points, the \
@@ -198,8 +213,8 @@ pub enum JobError {
 }
 
 impl JobError {
-    /// Of a correction that was to bring points to their places, with mobilities "auto" if it `is_local`.
-    fn of_correction(error: CorrectError, points: &[WantedPoint], is_local: bool) -> Self {
+    /// Of a correction that was to fulfil wishes and to bring points to their places, with mobilities "auto" if it `is_local`.
+    fn of_correction(error: CorrectError, wishes: &[Wish], points: &[WantedPoint], is_local: bool) -> Self {
         if let CorrectError::Impossible {
             reason: Reason::Contradiction { point, by } | Reason::OffAxes { point, by },
             ..
@@ -208,12 +223,24 @@ impl JobError {
         {
             return Self::Dragged { index, vertex, by };
         }
-        match error {
-            CorrectError::Impossible {
-                reason: Reason::Pinned | Reason::Dead | Reason::Turns { .. } | Reason::Contradiction { .. },
-                ..
-            } if is_local => Self::Local(error),
-            _ => Self::Correct(error),
+        let error = Wish::error_of(wishes, error);
+        match error.reason() {
+            Some(
+                Reason::Pinned
+                | Reason::Dead
+                | Reason::Turns { .. }
+                | Reason::Coupled { .. }
+                | Reason::Contradiction { .. },
+            ) if is_local => Self::Local(Box::new(error)),
+            _ => error,
+        }
+    }
+
+    /// Why what is asked of the correction is impossible.
+    fn reason(&self) -> Option<&Reason> {
+        match self {
+            Self::Correct(CorrectError::Impossible { reason, .. }) | Self::Volume { reason, .. } => Some(reason),
+            _ => None,
         }
     }
 
@@ -224,7 +251,8 @@ impl JobError {
             Self::Edit { source, .. } => source.is_unreachable(),
             _ => matches!(
                 self,
-                Self::Correct(CorrectError::Impossible { .. })
+                Self::Correct(CorrectError::Impossible { .. } | CorrectError::Energy { .. })
+                    | Self::Volume { .. }
                     | Self::Lattice(LatticeError::Outside { .. })
                     | Self::Solid(_)
                     | Self::NoVolume { .. }
@@ -247,7 +275,11 @@ impl JobError {
             Self::Solid(SolidError::Open { .. }) => "open",
             Self::Solid(SolidError::Winding { .. }) => "winding",
             Self::Solid(_) | Self::NoVolume { .. } => "no-volume",
-            Self::Correct(CorrectError::Impossible { .. }) | Self::Dragged { .. } | Self::Local(_) => "impossible",
+            Self::Correct(CorrectError::Impossible { .. })
+            | Self::Volume { .. }
+            | Self::Dragged { .. }
+            | Self::Local(_) => "impossible",
+            Self::Correct(CorrectError::Energy { .. }) => "memory",
             Self::Correct(_) => "correct",
             Self::NotConverged { .. } => "not-converged",
             Self::Value { .. } => "value",
@@ -270,11 +302,13 @@ impl JobError {
             Self::Correct(CorrectError::Impossible {
                 reason: Reason::Contradiction { point, .. } | Reason::OffAxes { point, .. },
                 ..
-            })
-            | Self::Local(CorrectError::Impossible { reason: Reason::Contradiction { point, .. }, .. }) => {
-                format!("preserve.points[{point}]")
-            }
-            Self::Local(_) => "preserve.mobility".into(),
+            }) => format!("preserve.points[{point}]"),
+            Self::Local(error) => match error.reason() {
+                Some(Reason::Contradiction { .. }) => error.place(),
+                _ => "preserve.mobility".into(),
+            },
+            Self::Volume { place, .. } => place.clone(),
+            Self::Correct(CorrectError::Energy { .. }) => "preserve.objective".into(),
             Self::Correct(_) => "preserve".into(),
             Self::NotConverged { .. } => "preserve.method".into(),
             Self::Value { key, .. } | Self::MissingVertex { key, .. } => (*key).into(),
@@ -301,7 +335,14 @@ impl JobError {
                 "orient the faces consistently in a modelling program, or deform with volume = \"free\""
             }
             Self::Solid(_) | Self::NoVolume { .. } => "deform with volume = \"free\"",
-            Self::Correct(CorrectError::Impossible { .. }) => {
+            Self::Volume { reason: Reason::Follows { .. }, .. } => {
+                "leave out one of the volumes that contradict one another"
+            }
+            Self::Volume { reason: Reason::Coupled { .. }, .. } => {
+                "free more controls, take a finer lattice, or ask for fewer volumes at once"
+            }
+            Self::Correct(CorrectError::Energy { .. }) => "choose objective = \"controls\", or fewer control points",
+            Self::Correct(CorrectError::Impossible { .. }) | Self::Volume { .. } => {
                 "free more controls, choose other axes, enlarge the lattice, or ask for another volume"
             }
             Self::Dragged { .. } => {
@@ -416,22 +457,24 @@ impl Job {
             let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
             mobility.iter_mut().for_each(|m| *m *= coordinates);
             let posed_volumes = body.solid.volumes(&points);
-            let goals = body.goals(&self.preserve.volume, &posed_volumes, &mut warnings)?;
+            let wishes = body.wishes(&self.preserve.volume, &posed_volumes, &mut warnings)?;
             let is_local = self.preserve.mobility == MobilityKind::Auto;
             if is_local {
-                // Of several goals, their sizes together.
-                let size = |of: &dyn Fn(&VolumeGoal) -> f64| -> f64 {
-                    goals.iter().map(|goal| of(goal) * sign(goal.of(&body.rest))).sum()
-                };
-                let rest = size(&|goal| goal.of(&body.rest));
-                let (posed, wanted) = (size(&|goal| goal.of(&posed_volumes)) / rest, size(&|goal| goal.volume) / rest);
+                let (posed, wanted) = body.relative_sizes(&wishes, &posed_volumes);
                 let options = LocalityOptions { vertices: &rest_points, outside, posed, wanted };
                 let local = local_mobility(&controls.lattice, &displacement, &options);
                 mobility.iter_mut().zip(local).for_each(|(m, local)| *m *= local);
             }
             let wanted_points = self.wanted_points();
+            let goals: Vec<VolumeGoal> = wishes.iter().map(|wish| wish.goal.clone()).collect();
             let wanted = Wanted { volumes: goals, points: self.points(&wanted_points, &binding, &points, origin)? };
-            let options = CorrectOptions { method, mobility: Some(mobility), energy: None };
+            let energy = match self.preserve.objective {
+                Objective::Controls => None,
+                Objective::Surface => Some(Energy::surface(&binding)?),
+                Objective::Edges => Some(Energy::edges(&controls.lattice)?),
+                Objective::Bending => Some(Energy::bending(&controls.lattice)?),
+            };
+            let options = CorrectOptions { method, mobility: Some(mobility), energy };
             let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
             let corrected = match self.preserve.preview {
                 None => correct(&pose, &wanted, &options),
@@ -453,12 +496,15 @@ impl Job {
                     corrected
                 }
             };
-            let corrected = corrected
-                .map_err(|error| JobError::of_correction(error.oriented(body.orientation), &wanted_points, is_local))?;
+            let corrected =
+                corrected.map_err(|error| JobError::of_correction(error, &wishes, &wanted_points, is_local))?;
             if let (Status::NotNearest, Some(residual)) = (corrected.status, corrected.residual) {
                 return Err(JobError::NotConverged { residual, limit: tolerances::KKT_ENOUGH });
             }
-            correction = CorrectionReport::of(&corrected, &options.method, &points, extent);
+            correction = CorrectionReport {
+                objective: self.preserve.objective.name().into(),
+                ..CorrectionReport::of(&corrected, &options.method, &points, extent)
+            };
             displacement = displaced(&displacement, &corrected.displacement);
             posed = displaced(&posed, &corrected.displacement);
             points = corrected.vertices;
@@ -607,22 +653,9 @@ impl Outcome {
     /// Panics where the number of points is not the number of vertices.
     pub fn measure_written(&mut self, points: &[DVec3]) {
         if let (Some(body), Some(rows)) = (&self.body, &mut self.report.volume) {
-            let written = body.solid.volumes(points);
-            rows.overall.written = Some(written.total * body.orientation);
-            for (row, volume) in rows.components.iter_mut().zip(&written.components) {
-                row.written = Some(volume * body.orientation);
-            }
-            for PartRow { components, row } in &mut rows.parts {
-                let sum = |volumes: &Volumes| components.iter().map(|&c| volumes.components[c]).sum::<f64>();
-                row.written = Some(sum(&written) * sign(sum(&body.rest)));
-            }
+            body.add_written(rows, points);
         }
     }
-}
-
-/// −1 for negative volumes, else 1.
-fn sign(volume: f64) -> f64 {
-    if volume < 0.0 { -1.0 } else { 1.0 }
 }
 
 /// A point that must be at an exact place in the end.
@@ -631,163 +664,6 @@ struct WantedPoint {
     request: PointRequest,
     /// The edit that dragged it there; `None`: `preserve` names it.
     edit: Option<usize>,
-}
-
-/// A body and its volumes at rest.
-#[derive(Clone, Debug)]
-struct Body {
-    solid: Solid,
-    rest: Volumes,
-    /// −1 where the model is inside out, else 1.
-    orientation: f64,
-    /// What each component is to the others.
-    roles: Vec<Role>,
-}
-
-impl Body {
-    fn new(solid: Solid, rest: Volumes, components: &[ComponentHealth]) -> Self {
-        let roles = components.iter().map(|component| component.role.clone()).collect();
-        Self { solid, orientation: sign(rest.total), rest, roles }
-    }
-
-    /// The signed volumes that are wanted of the body, whose pose has the volumes `posed`. What is left out is said in
-    /// `warnings`.
-    fn goals(
-        &self,
-        wanted: &VolumeTarget,
-        posed: &Volumes,
-        warnings: &mut Vec<String>,
-    ) -> Result<Vec<VolumeGoal>, JobError> {
-        match wanted {
-            VolumeTarget::Each(amount) => {
-                let (empty, full): (Vec<usize>, Vec<usize>) =
-                    (0..self.roles.len()).partition(|&c| self.roles[c] == Role::Nothing);
-                if full.is_empty() {
-                    return Err(JobError::NoVolume { volume: self.rest.total });
-                }
-                if let Some(first) = empty.first() {
-                    let count = empty.len();
-                    warnings.push(format!(
-                        "Components that enclose no volume keep none: {count}, the first of them component {first}."
-                    ));
-                }
-                Ok(full.into_iter().map(|c| self.goal(vec![c], *amount)).collect())
-            }
-            VolumeTarget::Parts(parts) => {
-                if parts.is_empty() {
-                    let problem = "has an empty list of parts: it needs at least one { components, volume }".into();
-                    return Err(JobError::Value { key: "preserve.volume", problem });
-                }
-                parts.iter().enumerate().map(|(index, part)| self.part_goal(index, part)).collect()
-            }
-            VolumeTarget::Hollow { material, capacity } => {
-                let of_role = |is: fn(&Role) -> bool| (0..self.roles.len()).filter(move |&c| is(&self.roles[c]));
-                let cavities: Vec<usize> = of_role(|role| matches!(role, Role::Cavity { .. })).collect();
-                if cavities.is_empty() {
-                    return Err(JobError::NoCavities { inward: of_role(|role| *role == Role::Inward).next() });
-                }
-                let material = material.map(|amount| self.goal((0..self.roles.len()).collect(), amount));
-                let capacity = capacity.map(|amount| self.goal(cavities, amount));
-                Ok(material.into_iter().chain(capacity).collect())
-            }
-            one => {
-                let volume = target_volume(one, self, posed)? * self.orientation;
-                Ok(vec![VolumeGoal { components: Components::All, volume }])
-            }
-        }
-    }
-
-    /// The goal of a part, checked.
-    fn part_goal(&self, index: usize, part: &PartTarget) -> Result<VolumeGoal, JobError> {
-        let wrong = |what: String| {
-            Err(JobError::Value { key: "preserve.volume", problem: format!("has a part, parts[{index}], {what}") })
-        };
-        let count = self.roles.len();
-        if let Some(&component) = part.components.iter().find(|&&c| c >= count) {
-            let place = format!("preserve.volume.parts[{index}]");
-            return Err(JobError::MissingComponent { place, component, components: count });
-        }
-        let mut components = part.components.clone();
-        components.sort_unstable();
-        if components.is_empty() {
-            return wrong("without components".into());
-        }
-        if let Some(twice) = components.windows(2).find(|pair| pair[0] == pair[1]) {
-            return wrong(format!("that names component {} twice", twice[0]));
-        }
-        // Of components that enclose a volume each, the sum may still be rounding noise.
-        let full = components.iter().filter(|&&c| self.roles[c] != Role::Nothing).map(|&c| self.rest.components[c]);
-        let (sum, size) = full.fold((0.0, 0.0), |(sum, size), v: f64| (sum + v, size + v.abs()));
-        if sum.abs() <= tolerances::NO_VOLUME * size {
-            return wrong(format!("whose components {components:?} enclose no volume together"));
-        }
-        Ok(self.goal(components, part.volume))
-    }
-
-    /// The goal that `components`, ascending, get `amount` of what they hold at rest.
-    fn goal(&self, components: Vec<usize>, amount: Amount) -> VolumeGoal {
-        let components =
-            if components.len() == self.roles.len() { Components::All } else { Components::These(components) };
-        let goal = VolumeGoal { components, volume: 1.0 };
-        let rest = goal.of(&self.rest);
-        VolumeGoal { volume: amount.of(rest.abs()) * sign(rest), ..goal }
-    }
-
-    /// The report's rows, oriented outwards; parts positive.
-    fn rows(&self, posed: &Volumes, corrected: &Volumes, goals: &[VolumeGoal]) -> VolumeReport {
-        let row = |volume: &dyn Fn(&Volumes) -> f64, sign: f64| VolumeRow {
-            rest: volume(&self.rest) * sign,
-            posed: volume(posed) * sign,
-            target: None,
-            corrected: volume(corrected) * sign,
-            written: None,
-            relative_error: None,
-        };
-        let count = self.roles.len();
-        let mut overall = row(&|volumes| volumes.total, self.orientation);
-        let mut components: Vec<VolumeRow> =
-            (0..count).map(|c| row(&|volumes| volumes.components[c], self.orientation)).collect();
-        let mut parts = Vec::new();
-        let is_of_parts = goals.len() > 1 || goals.iter().any(|goal| goal.components != Components::All);
-        for goal @ VolumeGoal { components: which, volume } in goals {
-            let list = match which {
-                Components::All => (0..count).collect(),
-                Components::These(list) => list.clone(),
-            };
-            if *which == Components::All {
-                overall.aim(volume * self.orientation);
-            }
-            if let [only] = list[..] {
-                components[only].aim(volume * self.orientation);
-            }
-            if is_of_parts {
-                let sign = sign(goal.of(&self.rest));
-                let mut part = PartRow { components: list, row: row(&|volumes| goal.of(volumes), sign) };
-                part.row.aim(volume * sign);
-                parts.push(part);
-            }
-        }
-        VolumeReport { overall, components, parts }
-    }
-}
-
-/// The volume of the whole model that is wanted of a body whose pose has the volumes `posed`; outward orientation.
-fn target_volume(wanted: &VolumeTarget, body: &Body, posed: &Volumes) -> Result<f64, JobError> {
-    let (rest, posed) = (body.rest.total * body.orientation, posed.total * body.orientation);
-    match wanted {
-        VolumeTarget::Amount(amount) => Ok(amount.of(rest)),
-        VolumeTarget::Range { min, max } => {
-            let low = min.map_or(f64::NEG_INFINITY, |amount| amount.of(rest));
-            let high = max.map_or(f64::INFINITY, |amount| amount.of(rest));
-            if low > high {
-                let problem = format!("is a range from {low} to {high}: min must not exceed max");
-                return Err(JobError::Value { key: "preserve.volume", problem });
-            }
-            Ok(posed.clamp(low, high))
-        }
-        VolumeTarget::Free => Ok(posed),
-        _ => Ok(rest),
-    }
 }
 
 /// A lattice and its controls, relative to the job's origin.
@@ -950,196 +826,4 @@ fn bases(request: &LatticeRequest, warnings: &mut Vec<String>) -> Result<[Basis;
         bases.push(basis.map_err(|source: BasisError| LatticeError::Basis { axis, source })?);
     }
     Ok(bases.try_into().expect("three axes"))
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::mesh::Faces;
-    use crate::shapes;
-
-    const PERCENT: fn(f64) -> Amount = Amount::Percent;
-
-    /// Models one after the other: scaled, moved, and turned inside out where asked.
-    fn together(pieces: &[(&Mesh, f64, DVec3, bool)]) -> Mesh {
-        let (mut points, mut faces) = (Vec::new(), Faces::new());
-        for (mesh, scale, shift, inward) in pieces {
-            let first = points.len() as u32;
-            points.extend(mesh.points().iter().map(|p| *p * *scale + *shift));
-            for face in mesh.faces().iter() {
-                let mut corners: Vec<u32> = face.iter().map(|v| v + first).collect();
-                if *inward {
-                    corners[1..].reverse();
-                }
-                faces.push(&corners);
-            }
-        }
-        Mesh::new(points, faces).unwrap()
-    }
-
-    /// A cube of side 4 with cavities of sides 2 and 1, and a cube of side 1 beside it: 64 − 8 − 1 + 1.
-    fn model(inside_out: bool) -> Mesh {
-        let cube = shapes::cube(2);
-        let flip = |inward: bool| inward != inside_out;
-        together(&[
-            (&cube, 4.0, DVec3::ZERO, flip(false)),
-            (&cube, 2.0, DVec3::splat(0.5), flip(true)),
-            (&cube, 1.0, DVec3::splat(2.75), flip(true)),
-            (&cube, 1.0, DVec3::X * 6.0, flip(false)),
-        ])
-    }
-
-    fn body(mesh: &Mesh) -> Body {
-        let (health, solid) = Health::of(mesh, &topology(mesh), &Source::of(mesh));
-        Body::new(solid.unwrap(), health.volume.unwrap(), &health.roles)
-    }
-
-    fn goals(mesh: &Mesh, wanted: &VolumeTarget) -> Result<Vec<VolumeGoal>, JobError> {
-        let body = body(mesh);
-        body.goals(wanted, &body.rest.clone(), &mut Vec::new())
-    }
-
-    fn these(components: &[usize], volume: f64) -> VolumeGoal {
-        VolumeGoal { components: Components::These(components.to_vec()), volume }
-    }
-
-    fn part(components: &[usize], volume: Amount) -> PartTarget {
-        PartTarget { components: components.to_vec(), volume }
-    }
-
-    fn all(volume: f64) -> VolumeGoal {
-        VolumeGoal { components: Components::All, volume }
-    }
-
-    #[test]
-    fn each_component_gets_its_own_volume_with_its_sign() {
-        for (inside_out, s) in [(false, 1.0), (true, -1.0)] {
-            let mesh = model(inside_out);
-            let of = |amount| goals(&mesh, &VolumeTarget::Each(amount)).unwrap();
-            let rest = [64.0 * s, -8.0 * s, -s, s];
-            assert_eq!(of(PERCENT(100.0)), [0, 1, 2, 3].map(|c| these(&[c], rest[c])));
-            assert_eq!(of(PERCENT(150.0)), [0, 1, 2, 3].map(|c| these(&[c], 1.5 * rest[c])));
-            assert_eq!(of(Amount::Absolute(3.0)), [0, 1, 2, 3].map(|c| these(&[c], 3.0 * rest[c].signum())));
-        }
-        assert_eq!(goals(&shapes::cube(1), &VolumeTarget::Each(PERCENT(110.0))), Ok(vec![all(1.1)]));
-    }
-
-    #[test]
-    fn components_without_volume_are_left_out_with_a_warning() {
-        let cube = shapes::cube(1);
-        let sheet = together(&[(&cube, 1.0, DVec3::X * 3.0, false)]);
-        let flat: Vec<DVec3> = sheet.points().iter().map(|p| DVec3::new(p.x, p.y, 0.0)).collect();
-        let flat = sheet.with_points(flat).unwrap();
-        let mesh = together(&[
-            (&cube, 1.0, DVec3::ZERO, false),
-            (&flat, 1.0, DVec3::ZERO, false),
-            (&flat, 1.0, DVec3::Y * 3.0, false),
-            (&cube, 2.0, DVec3::Z * 3.0, false),
-        ]);
-        // Welding leaves of a flat cube a sheet with its faces doubled.
-        let body = body(&mesh);
-        assert_eq!(body.roles, [Role::Solid, Role::Nothing, Role::Nothing, Role::Solid]);
-        let mut warnings = Vec::new();
-        let each = VolumeTarget::Each(PERCENT(100.0));
-        let goals_found = body.goals(&each, &body.rest, &mut warnings).unwrap();
-        assert_eq!(goals_found, [these(&[0], 1.0), these(&[3], 8.0)]);
-        assert_eq!(warnings, ["Components that enclose no volume keep none: 2, the first of them component 1."]);
-        let nothing = goals(&flat, &each);
-        assert!(matches!(nothing, Err(JobError::NoVolume { .. })), "{nothing:?}");
-        let one = goals(&mesh, &VolumeTarget::Parts(vec![part(&[1, 2], PERCENT(100.0))])).unwrap_err();
-        assert!(one.to_string().contains("enclose no volume") && !one.is_unreachable(), "{one}");
-    }
-
-    #[test]
-    fn parts_are_signed_sums_and_cavities_count_positive() {
-        for (inside_out, s) in [(false, 1.0), (true, -1.0)] {
-            let mesh = model(inside_out);
-            let parts = vec![
-                part(&[3, 0], PERCENT(100.0)),
-                part(&[1, 2], PERCENT(200.0)),
-                part(&[1], Amount::Absolute(5.0)),
-                part(&[0, 1], PERCENT(50.0)),
-                part(&[0, 1, 2, 3], PERCENT(100.0)),
-                part(&[1], PERCENT(100.0)),
-            ];
-            let found = goals(&mesh, &VolumeTarget::Parts(parts)).unwrap();
-            let expected = [
-                these(&[0, 3], 65.0 * s),
-                these(&[1, 2], -18.0 * s),
-                these(&[1], -5.0 * s),
-                these(&[0, 1], 28.0 * s),
-                all(56.0 * s),
-                these(&[1], -8.0 * s),
-            ];
-            assert_eq!(found, expected);
-        }
-    }
-
-    #[test]
-    fn parts_that_name_nothing_are_refused() {
-        let mesh = model(false);
-        let refused = |parts: &[PartTarget]| goals(&mesh, &VolumeTarget::Parts(parts.to_vec())).unwrap_err();
-        for (parts, code, fragment) in [
-            (vec![], "value", "at least one"),
-            (vec![part(&[], PERCENT(100.0))], "value", "parts[0], without components"),
-            (vec![part(&[0], PERCENT(100.0)), part(&[4], PERCENT(100.0))], "missing-component", "has 4 (0 to 3)"),
-            (vec![part(&[2, 0, 2], PERCENT(100.0))], "value", "component 2 twice"),
-            (vec![part(&[2, 3], Amount::Absolute(1.0))], "value", "enclose no volume together"),
-        ] {
-            let error = refused(&parts);
-            assert!(error.to_string().contains(fragment) && error.code() == code, "{error}");
-            assert!(!error.is_unreachable() && error.place().starts_with("preserve.volume"), "{error}");
-        }
-    }
-
-    #[test]
-    fn material_and_capacity_are_of_models_with_cavities() {
-        for (inside_out, s) in [(false, 1.0), (true, -1.0)] {
-            let mesh = model(inside_out);
-            let of = |material, capacity| goals(&mesh, &VolumeTarget::Hollow { material, capacity }).unwrap();
-            let both = of(Some(PERCENT(100.0)), Some(PERCENT(110.0)));
-            assert_eq!(both, [all(56.0 * s), these(&[1, 2], -9.0 * 110.0 / 100.0 * s)]);
-            assert_eq!(of(None, Some(Amount::Absolute(4.0))), [these(&[1, 2], -4.0 * s)]);
-            assert_eq!(of(Some(Amount::Absolute(4.0)), None), [all(4.0 * s)]);
-        }
-        let hollow = VolumeTarget::Hollow { material: None, capacity: Some(PERCENT(100.0)) };
-        assert_eq!(goals(&shapes::cube(1), &hollow), Err(JobError::NoCavities { inward: None }));
-        let cube = shapes::cube(1);
-        let beside = together(&[(&cube, 3.0, DVec3::ZERO, false), (&cube, 1.0, DVec3::X * 5.0, true)]);
-        let refused = goals(&beside, &hollow).unwrap_err();
-        assert_eq!(refused, JobError::NoCavities { inward: Some(1) });
-        assert!(!refused.is_unreachable() && refused.hint().contains("isochor info"));
-    }
-
-    #[test]
-    fn rows_say_what_was_asked_of_the_whole_of_components_and_of_parts() {
-        for (inside_out, s) in [(false, 1.0), (true, -1.0)] {
-            let body = body(&model(inside_out));
-            let volumes =
-                |v: [f64; 4]| Volumes { total: s * v.iter().sum::<f64>(), components: v.map(|v| s * v).to_vec() };
-            let (posed, end) = (volumes([60.0, -6.0, -2.0, 1.0]), volumes([66.0, -9.0, -1.0, 2.0]));
-            let goals = [all(58.0 * s), these(&[1, 2], -10.0 * s), these(&[3], 1.0 * s)];
-            let report = body.rows(&posed, &end, &goals);
-            let row = |rest, posed, target: f64, corrected: f64| VolumeRow {
-                rest,
-                posed,
-                target: Some(target),
-                corrected,
-                written: None,
-                relative_error: Some((corrected / target - 1.0).abs()),
-            };
-            assert_eq!(report.overall, row(56.0, 53.0, 58.0, 58.0));
-            assert_eq!(report.components[3], row(1.0, 1.0, 1.0, 2.0));
-            assert_eq!((report.components[1].rest, report.components[1].target), (-8.0, None));
-            let parts: Vec<(Vec<usize>, VolumeRow)> = report.parts.into_iter().map(|p| (p.components, p.row)).collect();
-            let expected = vec![
-                (vec![0, 1, 2, 3], row(56.0, 53.0, 58.0, 58.0)),
-                (vec![1, 2], row(9.0, 8.0, 10.0, 10.0)),
-                (vec![3], row(1.0, 1.0, 1.0, 2.0)),
-            ];
-            assert_eq!(parts, expected);
-            assert!(body.rows(&posed, &end, &goals[..1]).parts.is_empty());
-            assert_eq!(body.rows(&posed, &end, &goals[1..2]).parts.len(), 1);
-        }
-    }
 }

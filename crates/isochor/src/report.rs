@@ -83,6 +83,8 @@ impl VolumeRow {
 pub struct CorrectionReport {
     /// "nearest", "gradient", "axes", or "none" where the volume was free.
     pub method: String,
+    /// What was kept small: "controls", "surface", "edges", "bending", or "none" where the volume was free.
+    pub objective: String,
     /// How it ended: "exact", "already-met", "preview" (approximate), or "not-asked".
     pub status: String,
     /// Exact steps taken.
@@ -104,10 +106,10 @@ pub struct CorrectionReport {
 impl CorrectionReport {
     /// Of a job with free volume.
     pub(crate) fn not_asked() -> Self {
-        Self { method: "none".into(), status: "not-asked".into(), ..Self::default() }
+        Self { method: "none".into(), objective: "none".into(), status: "not-asked".into(), ..Self::default() }
     }
 
-    /// Of a correction of the posed vertices `before` (#vertices × 3).
+    /// Of a correction of the posed vertices `before` (#vertices × 3), less its objective.
     pub(crate) fn of(correction: &Correction, method: &Method, before: &[DVec3], extent: f64) -> Self {
         let squared = || before.iter().zip(&correction.vertices).map(|(a, b)| a.distance_squared(*b));
         let max_displacement = squared().fold(0.0, f64::max).sqrt();
@@ -125,6 +127,7 @@ impl CorrectionReport {
         };
         Self {
             method: method.into(),
+            objective: String::new(),
             status: status.into(),
             iterations: correction.steps,
             residual: correction.residual,

@@ -140,6 +140,47 @@ fn hollowed(outer: &Mesh, inner: &Mesh) -> Mesh {
     solid([outer.points(), inner.points()].concat(), faces)
 }
 
+/// [`icosphere`] with two ears, round the directions of vertices 2 and 3, (0, ∓1, φ)/|(0, 1, φ)| with the golden ratio φ: each of its
+/// points, in direction d, is at the distance `1 + 0.6 Σ exp(40 (d·e − 1))` from the centre, the sum over the directions e of
+/// the ears. One component. Its volume tends to `∫ (distance)³/3` over the sphere, from below as that of the icosphere does.
+///
+/// # Panics
+///
+/// Panics where `levels` is more than 12.
+#[must_use]
+pub fn eared_ball(levels: usize) -> Mesh {
+    /// Their length, and one over their width squared.
+    const EARS: (f64, f64) = (0.6, 40.0);
+    let ball = icosphere(levels);
+    let ears = [ball.points()[2], ball.points()[3]];
+    let ear = |d: DVec3, e: DVec3| EARS.0 * (EARS.1 * (d.dot(e) - 1.0)).exp();
+    let points = ball.points().iter().map(|d| *d * (1.0 + ears.iter().map(|e| ear(*d, *e)).sum::<f64>())).collect();
+    solid(points, ball.faces().clone())
+}
+
+/// A straight chain along the x-axis of so many `links`, each an [`uv_torus`] of radii 1 and 0.2, its centre 1.5 from that of the
+/// one before and turned by a right angle about the x-axis against it. The links are the components, in order; they do not touch.
+///
+/// # Panics
+///
+/// Panics where `links` is 0, or `nu` or `nv` is less than 3.
+#[must_use]
+pub fn chain(links: usize, nu: usize, nv: usize) -> Mesh {
+    assert!(links > 0, "a chain needs at least 1 link");
+    let link = uv_torus(1.0, 0.2, nu, nv);
+    let count = link.points().len();
+    let mut points = Vec::with_capacity(links * count);
+    let mut faces = Faces::with_capacity(links * link.faces().len(), 3 * links * link.faces().len());
+    for k in 0..links {
+        let turned = |p: &DVec3| if k % 2 == 0 { *p } else { DVec3::new(p.x, -p.z, p.y) };
+        points.extend(link.points().iter().map(|p| turned(p) + 1.5 * k as f64 * DVec3::X));
+        for face in link.faces().iter() {
+            faces.push(&face.iter().map(|v| v + (k * count) as u32).collect::<Vec<_>>());
+        }
+    }
+    solid(points, faces)
+}
+
 /// A torus round the z-axis: `nu` sections round it, each a regular polygon of `nv` corners. nu·nv vertices, 2·nu·nv
 /// triangles, genus 1. `major` is the distance of the sections' centres from the axis, `minor` that of their corners from
 /// their centres. Volume: `nu sin(2π/nu) · nv/2 sin(2π/nv) · major · minor²`.

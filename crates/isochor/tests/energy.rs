@@ -5,14 +5,14 @@ mod random;
 
 use bodies::Bodies;
 use glam::DVec3;
-use isochor::{CorrectOptions, Energy, Method, Pose, Wanted, correct, displaced, tolerances};
+use isochor::{CorrectError, CorrectOptions, Energy, Method, Pose, Wanted, correct, displaced, tolerances};
 use random::Random;
 
 fn energies(bodies: &Bodies) -> [(&'static str, Energy); 3] {
     [
-        ("surface", Energy::surface(&bodies.binding)),
-        ("edges", Energy::edges(&bodies.lattice)),
-        ("bending", Energy::bending(&bodies.lattice)),
+        ("surface", Energy::surface(&bodies.binding).unwrap()),
+        ("edges", Energy::edges(&bodies.lattice).unwrap()),
+        ("bending", Energy::bending(&bodies.lattice).unwrap()),
     ]
 }
 
@@ -56,15 +56,31 @@ fn scale(unscaled_trace: f64, controls: usize) -> f64 {
 #[test]
 fn the_surface_energy_is_the_squared_distance_of_the_vertices() {
     let bodies = Bodies::new(&mut Random(1), [4, 3, 5], 0.1);
-    let energy = Energy::surface(&bodies.binding);
+    let energy = Energy::surface(&bodies.binding).unwrap();
     let trace: f64 = (0..bodies.vertices.len()).flat_map(|v| bodies.binding.weights(v)).map(|(_, w)| w * w).sum();
     let y: Vec<DVec3> = (0..bodies.controls()).map(|_| Random(3).vector()).collect();
     let mut random = Random(4);
     let y: Vec<DVec3> = y.iter().map(|y| *y + random.vector()).collect();
     let distance: f64 = bodies.binding.apply(&y).iter().map(|d| d.length_squared()).sum();
-    let floor = tolerances::ENERGY_FLOOR * y.iter().map(|y| y.length_squared()).sum::<f64>();
+    let floor = tolerances::SURFACE_FLOOR * y.iter().map(|y| y.length_squared()).sum::<f64>();
     let expected = scale(trace, bodies.controls()) * distance + floor;
     assert!((energy.of(&y) - expected).abs() <= 1e-13 * expected);
+}
+
+#[test]
+fn matrices_beyond_memory_are_refused() {
+    let lattice = |size: usize, degree: usize| {
+        let bases = [0; 3].map(|_| isochor::Basis::clamped(size, degree).unwrap());
+        let frame = isochor::Frame { origin: DVec3::ZERO, axes: [DVec3::X, DVec3::Y, DVec3::Z] };
+        isochor::Lattice::new(bases, frame).unwrap()
+    };
+    let too_large = |controls| Err(CorrectError::Energy { controls });
+    let large = lattice(200, 1);
+    assert_eq!(Energy::edges(&large), too_large(8_000_000));
+    assert_eq!(Energy::bending(&large), too_large(8_000_000));
+    let dense = lattice(24, 23).bind(&[DVec3::splat(0.5)], isochor::Outside::Refuse).unwrap();
+    assert_eq!(Energy::surface(&dense), too_large(13_824));
+    assert!(Energy::surface(&lattice(8, 7).bind(&[DVec3::splat(0.5)], isochor::Outside::Refuse).unwrap()).is_ok());
 }
 
 #[test]
@@ -73,10 +89,10 @@ fn translations_change_no_edge_and_affine_maps_bend_nothing() {
     let rest = bodies.lattice.rest();
     let floor = |y: &[DVec3]| tolerances::ENERGY_FLOOR * y.iter().map(|y| y.length_squared()).sum::<f64>();
     let translated = vec![DVec3::new(1.0, -2.0, 0.5); rest.len()];
-    let edges = Energy::edges(&bodies.lattice);
+    let edges = Energy::edges(&bodies.lattice).unwrap();
     assert!((edges.of(&translated) - floor(&translated)).abs() <= 1e-12);
     let affine: Vec<DVec3> = rest.iter().map(|c| DVec3::new(c.x + 2.0 * c.y, 1.0 - c.z, 3.0 * c.x)).collect();
-    let bending = Energy::bending(&bodies.lattice);
+    let bending = Energy::bending(&bodies.lattice).unwrap();
     assert!((bending.of(&affine) - floor(&affine)).abs() <= 1e-9, "{}", bending.of(&affine));
     assert!(edges.of(&affine) > 1.0);
     let bent: Vec<DVec3> = rest.iter().map(|c| DVec3::Z * c.x * c.x).collect();
@@ -89,7 +105,7 @@ fn the_energy_of_edges_of_a_unit_move_is_that_of_its_edges() {
     let bases = [0; 3].map(|_| isochor::Basis::clamped(4, 1).unwrap());
     let frame = isochor::Frame { origin: DVec3::ZERO, axes: [DVec3::X * 3.0, DVec3::Y * 3.0, DVec3::Z * 3.0] };
     let lattice = isochor::Lattice::new(bases, frame).unwrap();
-    let energy = Energy::edges(&lattice);
+    let energy = Energy::edges(&lattice).unwrap();
     let mean = 2.0 * (3.0 * 3.0 * 16.0) / 64.0; // edges end at two controls each
     for (node, edges) in [([0, 0, 0], 3.0), ([1, 0, 0], 4.0), ([1, 2, 0], 5.0), ([1, 1, 2], 6.0)] {
         let mut y = vec![DVec3::ZERO; 64];
@@ -178,17 +194,17 @@ fn the_surface_moves_least_with_the_surface_energy() {
         let corrected = correct(&pose, &wanted, &CorrectOptions { energy, ..CorrectOptions::default() }).unwrap();
         bodies.binding.apply(&corrected.displacement).iter().map(|d| d.length_squared()).sum::<f64>()
     };
-    let least = moved(Some(Energy::surface(&bodies.binding)));
+    let least = moved(Some(Energy::surface(&bodies.binding).unwrap()));
     assert!(least < moved(None));
-    assert!(least < moved(Some(Energy::edges(&bodies.lattice))));
-    assert!(least < moved(Some(Energy::bending(&bodies.lattice))));
+    assert!(least < moved(Some(Energy::edges(&bodies.lattice).unwrap())));
+    assert!(least < moved(Some(Energy::bending(&bodies.lattice).unwrap())));
 }
 
 #[test]
 fn an_energy_for_other_controls_is_refused() {
     let bodies = Bodies::new(&mut Random(8), [3, 3, 3], 0.05);
     let other = Bodies::new(&mut Random(8), [3, 3, 4], 0.05);
-    let options = CorrectOptions { energy: Some(Energy::edges(&other.lattice)), ..CorrectOptions::default() };
+    let options = CorrectOptions { energy: Some(Energy::edges(&other.lattice).unwrap()), ..CorrectOptions::default() };
     let pose = Pose { solid: &bodies.solid, vertices: &bodies.vertices, binding: &bodies.binding };
     let refused = correct(&pose, &Wanted::volume(1.0), &options).unwrap_err();
     assert!(refused.to_string().contains("energy has 36 entries: 27"), "{refused}");

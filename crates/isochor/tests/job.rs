@@ -4,9 +4,9 @@
 use glam::{DMat3, DVec3};
 use isochor::shapes::{bottle, cube, hollow_sphere, icosphere, uv_torus};
 use isochor::{
-    Basis, BasisError, Bounds, CorrectError, Faces, Frame, Job, JobError, JobInput, Lattice, LatticeError, Mesh,
-    OpenBoundaries, Outcome, Outside, PosedLattice, Reason, SelectError, Solid, SolidError, Source, Stage, Verdict,
-    displaced, topology,
+    Basis, BasisError, Bounds, CorrectError, Energy, Faces, Frame, Job, JobError, JobInput, Lattice, LatticeError,
+    Mesh, OpenBoundaries, Outcome, Outside, PosedLattice, Reason, SelectError, Solid, SolidError, Source, Stage,
+    Verdict, displaced, topology,
 };
 
 const PROMISED: f64 = 1e-13;
@@ -573,6 +573,49 @@ fn axes_and_shares_choose_the_method() {
     let refused = with("axes = \"xy\", shares = [1, 1, 1]").unwrap_err();
     assert!(matches!(refused, JobError::Correct(CorrectError::Length { found: 3, expected: 2, .. })), "{refused}");
     assert_eq!((refused.code(), refused.place().as_str(), refused.is_unreachable()), ("correct", "preserve", false));
+}
+
+#[test]
+fn each_objective_is_least_where_it_was_asked_for() {
+    let mesh = bottle(24, 30);
+    let of = |objective: &str| {
+        let job = format!("{EDITS}preserve = {{ objective = \"{objective}\", pin = {{ k = 0 }}, volume = \"105%\" }}");
+        let outcome = run(&mesh, &job).unwrap();
+        assert_eq!(outcome.report.correction.objective, objective);
+        outcome.controls.unwrap()
+    };
+    let free = run(&mesh, &format!("{EDITS}preserve = {{ volume = \"free\" }}")).unwrap();
+    assert_eq!(free.report.correction.objective, "none");
+    let free = free.controls.unwrap();
+    let binding = free.lattice.bind(mesh.points(), Outside::Keep).unwrap();
+    let energies = [
+        None,
+        Some(Energy::surface(&binding).unwrap()),
+        Some(Energy::edges(&free.lattice).unwrap()),
+        Some(Energy::bending(&free.lattice).unwrap()),
+    ];
+    let cost = |energy: &Option<Energy>, controls: &PosedLattice| -> f64 {
+        let delta: Vec<DVec3> = controls.posed.iter().zip(&free.posed).map(|(a, b)| *a - *b).collect();
+        energy.as_ref().map_or_else(|| delta.iter().map(|d| d.length_squared()).sum(), |energy| energy.of(&delta))
+    };
+    let results = ["controls", "surface", "edges", "bending"].map(of);
+    for (k, energy) in energies.iter().enumerate() {
+        let costs: Vec<f64> = results.iter().map(|controls| cost(energy, controls)).collect();
+        for (other, found) in costs.iter().enumerate().filter(|(other, _)| *other != k) {
+            assert!(costs[k] < 0.99 * found, "{k}: {} with {other}: {found}", costs[k]);
+        }
+    }
+}
+
+#[test]
+fn objectives_whose_matrix_is_too_large_are_refused_with_a_way_out() {
+    let job =
+        format!("{EDITS}lattice = {{ basis = \"bernstein\", size = 24 }}\npreserve = {{ objective = \"surface\" }}");
+    let refused = run(&cube(2), &job).unwrap_err();
+    assert_eq!(refused, JobError::Correct(CorrectError::Energy { controls: 24 * 24 * 24 }));
+    assert_eq!((refused.code(), refused.is_unreachable()), ("memory", true));
+    assert_eq!(refused.place(), "preserve.objective");
+    assert!(refused.hint().contains("\"controls\""), "{}", refused.hint());
 }
 
 #[test]

@@ -44,7 +44,7 @@ fn requests() -> Vec<(String, Request)> {
                 });
             }
             if kind == "energy" {
-                options.energy = Some(Energy::edges(&bodies.lattice));
+                options.energy = Some(Energy::edges(&bodies.lattice).unwrap());
             }
             if kind == "parts" {
                 let v = &bodies.rest_volumes.components;

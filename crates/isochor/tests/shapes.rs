@@ -3,7 +3,9 @@
 use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
-use isochor::shapes::{bottle, cube, cylinder, hollow_bottle, hollow_sphere, icosphere, plate, uv_torus};
+use isochor::shapes::{
+    bottle, chain, cube, cylinder, eared_ball, hollow_bottle, hollow_sphere, icosphere, plate, uv_torus,
+};
 use isochor::{Mesh, OpenBoundaries, Role, Solid, roles, topology};
 
 /// Relative error of volumes: coordinates are rounded once or twice.
@@ -149,6 +151,49 @@ fn hollow_bottles_are_frusta_less_frusta() {
             assert!(p.truncate().length() < side(p.z) - 0.1 * wall, "{p}");
         }
     }
+}
+
+#[test]
+fn eared_balls_approach_the_integral_of_their_distance() {
+    // (1 + a E₁ + a E₂)³/3 over the sphere, E_i = exp(k (d·e_i − 1)): products are exp(d·s − n k), s the sum of n vectors k e_i,
+    // and ∫ exp(d·s) = 4π sinh|s|/|s|.
+    let (a, k, ears) = (0.6, 40.0, [2, 3].map(|v| icosphere(0).points()[v]));
+    let mut expected = 0.0;
+    for first in 0..=3 {
+        for second in 0..=3 - first {
+            let (n, factorial) = (first + second, [1.0, 1.0, 2.0, 6.0]);
+            let ways = 6.0 / (factorial[first] * factorial[second] * factorial[3 - n]);
+            let s = (k * (first as f64 * ears[0] + second as f64 * ears[1])).length();
+            // sinh s = exp(s)/2 but for s = 0
+            let integral = if n == 0 { 4.0 * PI } else { TAU * (s - n as f64 * k).exp() / s };
+            expected += ways * f64::powi(a, n as i32) * integral / 3.0;
+        }
+    }
+    let missing = [4, 5, 6].map(|levels| {
+        let four = 4_usize.pow(levels as u32);
+        expected - checked_volume(&eared_ball(levels), 10 * four + 2, 20 * four, 1, 0)
+    });
+    assert!(missing[0] > 0.0 && missing[2] < 2e-3 * expected, "{missing:?}");
+    for pair in missing.windows(2) {
+        assert!((pair[0] / pair[1] - 4.0).abs() < 0.1, "{missing:?}"); // second order
+    }
+    let tip = eared_ball(5).points()[3];
+    assert!((tip.length() - 1.6).abs() < 1e-9 && tip.y > 0.8 && tip.z > 1.3, "{tip}");
+}
+
+#[test]
+fn chains_have_the_volume_of_their_links() {
+    for (links, nu, nv) in [(1, 3, 3), (2, 12, 8), (5, 24, 12)] {
+        let mesh = chain(links, nu, nv);
+        let volume = checked_volume(&mesh, links * nu * nv, 2 * links * nu * nv, links, links as i64);
+        let link = nu as f64 * (TAU / nu as f64).sin() * polygon_area(nv) * 0.2 * 0.2;
+        assert_volume(volume, links as f64 * link);
+    }
+    // The gap between links on a line: a tube of radius 0.2 about a circle of radius 1, the next one crosses at 0.5 from its centre.
+    let mesh = chain(2, 96, 48);
+    let [one, next] = [&mesh.points()[..96 * 48], &mesh.points()[96 * 48..]];
+    let nearest = one.iter().flat_map(|p| next.iter().map(|q| p.distance(*q))).fold(f64::INFINITY, f64::min);
+    assert!((nearest - 0.1).abs() < 1e-9, "{nearest}");
 }
 
 #[test]

@@ -56,9 +56,9 @@ impl Case {
         let (volumes, goals) = goals(random, &solid, mesh.points(), &posed, points.is_empty());
         let (method, way) = method(random);
         let energy = match random.below(10) {
-            0 => Some(Energy::surface(&binding)),
-            1 => Some(Energy::edges(&lattice)),
-            2 => Some(Energy::bending(&lattice)),
+            0 => Some(Energy::surface(&binding).unwrap()),
+            1 => Some(Energy::edges(&lattice).unwrap()),
+            2 => Some(Energy::bending(&lattice).unwrap()),
             _ => None,
         };
         let cost = if energy.is_some() { ", energy" } else { "" };
