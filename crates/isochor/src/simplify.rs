@@ -29,7 +29,7 @@ impl Solid {
     /// Number of triangles, those of virtual caps not counted.
     #[must_use]
     pub fn triangle_count(&self) -> usize {
-        (0..self.component_count()).map(|c| self.component(c).0.len()).sum()
+        (0..self.component_count()).map(|c| self.surface_and_caps(c).0.len()).sum()
     }
 
     /// This body with about `triangles` triangles between some of its vertices, over the same vertices and in the same components;
@@ -54,7 +54,7 @@ impl Solid {
         let surfaces = parallel::map(pieces.len(), |c| {
             let piece = &pieces[c];
             let share = (piece.surface.len() as f64 * triangles as f64 / all as f64).ceil() as usize;
-            piece.simplified(share).unwrap_or_else(|| self.component(c).0.to_vec())
+            piece.simplified(share).unwrap_or_else(|| self.surface_and_caps(c).0)
         });
         self.resurfaced(&surfaces)
     }
@@ -66,7 +66,7 @@ impl Solid {
         // Which component has numbered a vertex last, and how.
         let mut numbered = vec![(u32::MAX, 0); points.len()];
         let piece = |c: usize| {
-            let (surface, caps) = self.component(c);
+            let (surface, caps) = self.surface_and_caps(c);
             let mut vertices = Vec::new();
             let mut number = |v: u32| {
                 let v = welded.get(v as usize).copied().unwrap_or(v); // apexes are behind the vertices

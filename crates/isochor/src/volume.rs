@@ -529,10 +529,8 @@ impl Solid {
     }
 
     /// The triangles of component `c` without those of its caps, and those of its caps.
-    pub(crate) fn component(&self, c: usize) -> (&[[u32; 3]], &[[u32; 3]]) {
-        let triangles = &self.triangles[self.components[c].clone()];
-        let caps = triangles.iter().rev().take_while(|t| t[2] as usize >= self.vertices).count();
-        triangles.split_at(triangles.len() - caps)
+    pub(crate) fn surface_and_caps(&self, c: usize) -> (Vec<[u32; 3]>, Vec<[u32; 3]>) {
+        self.triangles_of(c).iter().partition(|[_, _, last]| (*last as usize) < self.vertices)
     }
 
     /// For each vertex the first at the same place at rest (#vertices).
@@ -548,7 +546,7 @@ impl Solid {
         for (c, surface) in surfaces.iter().enumerate() {
             let start = triangles.len();
             triangles.extend_from_slice(surface);
-            triangles.extend_from_slice(self.component(c).1);
+            triangles.extend(self.surface_and_caps(c).1);
             components.push(start..triangles.len());
         }
         let cap = |cap: &Cap| Cap { members: cap.members.clone(), fan: Vec::new() };

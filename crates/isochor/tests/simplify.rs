@@ -145,6 +145,21 @@ fn corners_that_are_not_shared_are_welded_first() {
 }
 
 #[test]
+fn permuted_bodies_keep_their_caps() {
+    let mesh = without_faces(&icosphere(4), |center| center.z < -0.3);
+    let order: Vec<u32> = (0..mesh.points().len() as u32).rev().collect();
+    let points: Vec<DVec3> = order.iter().map(|v| mesh.points()[*v as usize]).collect();
+    let fine = solid(&mesh).permuted(&order);
+    assert_eq!(fine.triangle_count(), solid(&mesh).triangle_count());
+    let coarse = fine.coarse(&points, 500);
+    assert!(coarse.triangle_count() < 700, "{}", coarse.triangle_count());
+    assert_near(&coarse, &fine, &points);
+    let scattered: Vec<DVec3> =
+        points.iter().map(|p| DVec3::from_array((*p * 37.0).to_array().map(f64::sin))).collect();
+    assert_closed(&coarse, &scattered);
+}
+
+#[test]
 fn bodies_that_cannot_be_simplified_keep_their_triangles() {
     let corners = [DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z];
     let tetrahedron =
