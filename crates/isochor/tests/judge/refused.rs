@@ -182,7 +182,7 @@ impl Judge<'_> {
                 norm(normal) / least * DEAD
             };
             let strengths: Vec<f64> = self.spaces().iter().map(strength).collect();
-            if strengths.iter().all(|s| !(*s > DEAD)) {
+            if strengths.iter().all(|s| s.is_nan() || *s <= DEAD) {
                 return Ok("dead");
             }
             said += &format!("strengths {strengths:?}; ");
