@@ -457,6 +457,10 @@ impl Job {
             let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
             mobility.iter_mut().for_each(|m| *m *= coordinates);
             let posed_volumes = body.solid.volumes(&points);
+            if !posed_volumes.total.is_finite() && points.iter().all(|p| p.is_finite()) {
+                let (target, volume, reason) = (body.rest.total, posed_volumes.total, Reason::Overflow);
+                return Err(CorrectError::Impossible { goal: Some(0), target, volume, reason }.into());
+            }
             let wishes = body.wishes(&self.preserve.volume, &posed_volumes, &mut warnings)?;
             let is_local = self.preserve.mobility == MobilityKind::Auto;
             if is_local {
