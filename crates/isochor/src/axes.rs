@@ -80,7 +80,7 @@ pub(crate) enum Taken {
         /// Index of the axis.
         axis: usize,
         /// The state before.
-        before: State,
+        before: Box<State>,
         /// α of each goal that took part, pulled into the metric: the conditions of the step.
         rows: Rows,
         /// The goals that took part.
@@ -155,7 +155,7 @@ pub(crate) fn corrected(
             surface.take(k, &delta, &mut open);
             part.iter().for_each(|goal| open[*goal] = left[*goal] * deficits[*goal]);
             let after = state.after(&step_of(problem, axis, &delta));
-            let before = std::mem::replace(&mut state, after);
+            let before = Box::new(std::mem::replace(&mut state, after));
             here = None;
             if let Some(trace) = &mut trace {
                 let (multipliers, rows, goals) = (rows.multipliers(&z), rows.clone(), part.clone());

@@ -126,7 +126,8 @@ pub struct Correction {
     pub status: Status,
     /// Exact steps taken, the final ones against rounding included.
     pub steps: usize,
-    /// How far [`Method::Nearest`] is from its condition: `‖δ − μ M ∘ ∇V‖∞`, in extents of the pose. `None` for other methods.
+    /// How far [`Method::Nearest`] is from its condition: `‖δ − Σ μ M ∘ ∇V‖∞`, in extents of the pose; with an energy `S = L Lᵀ`,
+    /// `√m ‖L⁻¹(S y − Σ μ √M ∘ ∇V)‖∞` with the largest mobility m. `None` for other methods.
     pub residual: Option<f64>,
 }
 
@@ -318,6 +319,14 @@ pub enum Reason {
     Rounding {
         /// What could be reached.
         relative_error: f64,
+    },
+    /// A point that was brought to its target is off it by the rounding of a very large displacement.
+    #[error("the displacement it takes is so large that its rounding leaves point {point} {by:e} from its target")]
+    PointRounding {
+        /// Index of the point.
+        point: usize,
+        /// How far it is from its target.
+        by: f64,
     },
     /// The numbers left the range of f64 on the way.
     #[error("the displacement it takes leaves the range of numbers")]
@@ -815,7 +824,7 @@ impl<'a> Problem<'a> {
         if self.point_error(end) > tolerances::POINT {
             let misses = self.moves(end).into_iter().map(|m| m.length()).enumerate();
             let (point, by) = misses.fold((0, 0.0), |worst, miss| if miss.1 > worst.1 { miss } else { worst });
-            return Err(self.impossible(self.unmet_goal(end), Reason::Contradiction { point, by }));
+            return Err(self.impossible(self.unmet_goal(end), Reason::PointRounding { point, by }));
         }
         let relative_error = self.relative_error(end);
         if !relative_error.is_finite() {

@@ -54,12 +54,12 @@ impl Energy {
         const ENTRIES: usize = 9;
         let controls = lattice.control_count();
         checked(controls, controls.checked_mul(ENTRIES))?;
-        let rest = lattice.rest();
+        let (rest, extent) = (lattice.rest(), lattice.frame().extent());
         let mut terms = Terms::default();
         for (a, node) in rest.iter().enumerate() {
             for axis in 0..3 {
                 if let Some(b) = neighbour(lattice, a, axis, 1) {
-                    terms.add(&[a, b], &[1.0, -1.0], 1.0 / node.distance_squared(rest[b]));
+                    terms.add(&[a, b], &[1.0, -1.0], (extent / node.distance(rest[b])).powi(2));
                 }
             }
         }
@@ -77,7 +77,9 @@ impl Energy {
         let controls = lattice.control_count();
         checked(controls, controls.checked_mul(ENTRIES))?;
         let rest = lattice.rest();
-        let length = |a: usize, b: usize| rest[a].distance(rest[b]);
+        // In extents of the lattice: fourth powers of lengths leave the range of numbers.
+        let extent = lattice.frame().extent();
+        let length = |a: usize, b: usize| rest[a].distance(rest[b]) / extent;
         let mut terms = Terms::default();
         for a in 0..rest.len() {
             for axis in 0..3 {

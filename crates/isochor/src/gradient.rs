@@ -159,7 +159,8 @@ fn along_all(problem: &Problem, start: &State) -> Result<State, CorrectError> {
             let there = state_at(&further);
             let left = size(&missing(&there));
             // Newton's steps shrink quadratically; what does not at least halve is no longer on its way, or has arrived.
-            if !(left <= 0.5 * size(&open)) {
+            let is_on_its_way = left <= 0.5 * size(&open);
+            if !is_on_its_way {
                 has_arrived = size(&open) <= NEAR * goals as f64;
                 break;
             }

@@ -210,6 +210,15 @@ impl Metric {
         3 * self.along[0].roots.len()
     }
 
+    /// The largest coordinate of the displacement of z (#unknowns); of √m z, m the largest mobility, where there is an energy: there R
+    /// magnifies rounding by up to 1/√[`crate::tolerances::ENERGY_FLOOR`] more.
+    pub(crate) fn residual(&self, z: &[f64]) -> f64 {
+        match self.along[0].factor {
+            Some(_) => self.largest_mobility().sqrt() * z.iter().map(|z| z.abs()).fold(0.0, f64::max),
+            None => self.displacement(z).iter().map(|d| d.abs().max_element()).fold(0.0, f64::max),
+        }
+    }
+
     /// The largest mobility.
     pub(crate) fn largest_mobility(&self) -> f64 {
         self.along.iter().map(AxisMetric::largest_mobility).fold(0.0, f64::max)

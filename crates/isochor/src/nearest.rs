@@ -38,6 +38,13 @@ const STEPS: usize = 60;
 /// Conjugate gradient steps for one Newton step at most. Ordinary poses take 4 to 8.
 const INNER_STEPS: usize = 60;
 
+/// Length of a step along negative curvature, in |z|. More: more halvings; less: saddles are left in more steps.
+const LONG: f64 = 0.5;
+
+/// How near to the wanted volumes, relatively, a pose must come where rounding stops it: the last steps do the rest. More: poses are
+/// compared that differ in volume; less: thin bodies cannot be searched.
+const NEAR: f64 = 1e-10;
+
 /// Halvings of a step at most. More: hopeless steps cost time; fewer: steps on strongly curved surfaces are given up.
 const HALVINGS: usize = 30;
 
@@ -131,9 +138,10 @@ impl Search<'_> {
             let z = mixed.next(&best.z, found);
             let next = self.iterate(self.state_at(&z, best.state.steps + 1), z);
             let Ok(to_surface) = problem.least(&next.normals, &problem.deficits(&next.state)) else { break };
-            let off = largest(&problem.metric.displacement(&to_surface)) / problem.extent;
+            let off = problem.metric.residual(&to_surface) / problem.extent;
             let still_missing = next.residual_norm.max(off);
-            if !(still_missing <= 0.5 * missing) {
+            let is_nearer = still_missing <= 0.5 * missing;
+            if !is_nearer {
                 break;
             }
             (best, missing) = (next, still_missing);
@@ -190,7 +198,7 @@ impl Search<'_> {
         for (multiplier, h) in multipliers.iter().zip(&normals.pulled) {
             add(&mut residual, -multiplier, h);
         }
-        let residual_norm = largest(&problem.metric.displacement(&residual)) / problem.extent;
+        let residual_norm = problem.metric.residual(&residual) / problem.extent;
         Iterate { state, z, slopes, normals, multipliers, residual, residual_norm }
     }
 
@@ -244,8 +252,9 @@ impl Search<'_> {
             add(&mut further, 1.0, &z);
             let next = self.state_at(&further, steps + 1);
             let still_missing = open(&next);
-            if !(size(&still_missing) <= 0.5 * size(&missing)) {
-                let is_rounding = size(&missing) <= tolerances::VOLUME * problem.goals.len() as f64;
+            let is_nearer = size(&still_missing) <= 0.5 * size(&missing);
+            if !is_nearer {
+                let is_rounding = size(&missing) <= NEAR * problem.goals.len() as f64;
                 return is_rounding.then_some((state, z));
             }
             (state, z, missing) = (next, further, still_missing);
@@ -257,7 +266,7 @@ impl Search<'_> {
     /// be. `None` where they turn back on the way.
     fn followed(&self, start: &State) -> Option<Iterate> {
         /// The shortest part of the way that is tried. Shorter: more time is lost where there is no way.
-        const SHORTEST: f64 = 1.0 / 1024.0;
+        const SHORTEST: f64 = 1e-12;
         let problem = self.problem;
         let deficits = problem.deficits(start);
         let mut z = problem.metric.coordinates(&start.displacement);
@@ -299,16 +308,16 @@ impl Search<'_> {
         // Superlinear: the nearer the end, the more exact.
         let relative = (square / dot(&at.z, &at.z)).sqrt();
         let enough = square * relative.clamp(1e-12, 0.01);
-        for inner in 0..INNER_STEPS {
+        for _ in 0..INNER_STEPS {
             if square == 0.0 {
                 break;
             }
             let ap = operator(&p);
             let curvature = dot(&p, &ap);
             if curvature <= 0.0 {
-                if inner == 0 {
-                    d = p; // steepest descent
-                }
+                // |z| falls along p for good: a long step, which the search shortens as far as it must.
+                let long = LONG * (dot(&at.z, &at.z) / dot(&p, &p)).sqrt();
+                add(&mut d, long, &p);
                 break;
             }
             let step = square / curvature;
@@ -356,9 +365,4 @@ impl Mixed {
         self.last = Some((found, gap));
         next
     }
-}
-
-/// The largest coordinate.
-fn largest(vectors: &[DVec3]) -> f64 {
-    vectors.iter().map(|v| v.abs().max_element()).fold(0.0, f64::max)
 }

@@ -42,12 +42,6 @@ fn endings(seeds: std::ops::Range<u64>) -> BTreeMap<&'static str, usize> {
 }
 
 #[test]
-fn random_requests_end_exact_or_with_a_true_reason() {
-    endings(0..400);
-}
-
-#[test]
-#[ignore = "10,000 cases: cargo test -p isochor --test requests -- --ignored"]
 fn ten_thousand_random_requests_end_exact_or_with_a_true_reason() {
     let counts = endings(0..10_000);
     println!("{counts:?}");

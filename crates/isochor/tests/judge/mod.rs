@@ -166,7 +166,7 @@ impl<'a> Judge<'a> {
                 let said = corrected.residual.unwrap_or(f64::NAN);
                 ensure(corrected.status == Status::Exact, || format!("not nearest: {residual:e}, it says {said:e}"))?;
                 // Energies have a floor of 1e-6: rounding is multiplied by up to 1e6.
-                let limit = if self.case.options.energy.is_some() { 3e-8 } else { 1e-10 };
+                let limit = if self.case.options.energy.is_some() { 1e-7 } else { 1e-10 };
                 ensure(residual <= limit, || format!("residual {residual:e}, it says {said:e}"))?;
             }
             Method::Gradient => {}

@@ -39,6 +39,11 @@ impl Judge<'_> {
             Reason::Coupled { .. } => self.is_coupled(goal.ok_or("no goal")?),
             Reason::Turns { limit } => self.turns(goal.ok_or("no goal")?, limit / volume),
             Reason::Overflow => self.overflows(),
+            Reason::PointRounding { point, by } => {
+                // Nothing contradicts it, so only roundings can leave it.
+                let is_off = by / self.unit > 1e-12 * self.extent && !self.misses(*point, by / self.unit);
+                ensure(is_off, || format!("point {point} contradicts others")).map(|()| "rounding")
+            }
             Reason::Rounding { relative_error } => self.is_rounding(*relative_error),
         }
     }
@@ -73,9 +78,8 @@ impl Judge<'_> {
         chosen.iter().enumerate().map(way).collect()
     }
 
-    /// That the point cannot come to its place along one of the axes beside those before it.
-    fn contradicts(&self, point: usize, by: f64) -> Verdict {
-        let mut closest = f64::INFINITY;
+    /// Whether the point depends on those before it along one of the axes, and misses by so much.
+    fn misses(&self, point: usize, by: f64) -> bool {
         for (space, wanted) in self.ways() {
             let rows = self.point_rows(&space);
             let mut before: Vec<Vec<f64>> = Vec::new();
@@ -92,9 +96,18 @@ impl Judge<'_> {
             let z = Decomposed::of(&before).least(space.unknowns(), &asked);
             let misses = (wanted[point] - dot(&rows[point], &z)).abs();
             if misses > 0.5e-12 * self.extent && (misses - by).abs() <= 1e-6 * by + 1e-12 * self.extent {
-                return Ok("contradiction");
+                return true;
             }
         }
+        false
+    }
+
+    /// That the point cannot come to its place along one of the axes beside those before it.
+    fn contradicts(&self, point: usize, by: f64) -> Verdict {
+        if self.misses(point, by) {
+            return Ok("contradiction");
+        }
+        let mut closest = f64::INFINITY;
         // Points so close together that bringing them to different places takes huge moves, whose rounding is what misses.
         for (space, _) in self.ways() {
             let rows = self.point_rows(&space);
