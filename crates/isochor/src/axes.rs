@@ -183,7 +183,7 @@ pub(crate) fn corrected(
         let reason = if is_alone || goals == 1 { Reason::Dead } else { Reason::Coupled { by: open[goal].abs() } };
         return Err(problem.impossible(Some(goal), reason));
     }
-    Ok(problem.finished(state, |state, deficits, round| {
+    Ok(problem.finished(problem.measured(state), |state, deficits, round| {
         let (k, rows, part) = match &last {
             // Steps along an axis leave its α as it is, so the last one's rows still hold.
             Some((k, rows, part)) if part.len() == goals => (*k, rows.clone(), part.clone()),

@@ -518,7 +518,10 @@ impl<'a> Corrector<'a> {
     fn problem<'b>(&'b self, posed: &[DVec3], wanted: &'b Wanted) -> Result<Problem<'b>, CorrectError> {
         let (solid, binding) = (&*self.solid, &*self.binding);
         length("the posed vertices", posed.len(), solid.vertex_count())?;
-        if let Some(vertex) = posed.iter().position(|p| !p.is_finite()) {
+        let not_finite = |range: std::ops::Range<usize>| range.clone().find(|v| !posed[*v].is_finite());
+        if let Some(vertex) =
+            parallel::map_chunks(posed.len(), parallel::CHUNK, not_finite).into_iter().flatten().next()
+        {
             return Err(CorrectError::NotFinite { vertex, position: posed[vertex] });
         }
         let controls = binding.control_count();
@@ -949,14 +952,13 @@ impl<'a> Problem<'a> {
         }
     }
 
-    /// Measures `state` and takes away what rounding left of the deficits: by small steps of the same kind, `after(state,
+    /// Takes away what rounding left of the deficits of `state`, which are measured: by small steps of the same kind, `after(state,
     /// deficits, round)` (`None` where no such step exists any more), and at last by the choice of roundings.
-    pub(crate) fn finished(&self, state: State, after: impl Fn(&State, &[f64], usize) -> Option<State>) -> State {
+    pub(crate) fn finished(&self, mut state: State, after: impl Fn(&State, &[f64], usize) -> Option<State>) -> State {
         /// More: nothing left to gain after two or three; fewer: thin models end further off than they need.
         const ROUNDS: usize = 4;
         let error =
             |deficits: &[f64]| -> f64 { deficits.iter().zip(&self.goals.targets).map(|(d, t)| (d / t).abs()).sum() };
-        let mut state = self.measured(state);
         for round in 0..2 * ROUNDS {
             let deficits = self.deficits(&state);
             let is_good =

@@ -41,7 +41,7 @@ fn along_line(problem: &Problem, state: &State) -> Result<State, CorrectError> {
     let volume = problem.goal_volumes(state)[0];
     let turns = |reach| problem.impossible(Some(0), Reason::Turns { limit: volume + reach });
     let t = cubic.first_root(problem.goals.targets[0] - volume).map_err(turns)?;
-    let end = problem.with_points(state.after_part(&line.unit, t))?;
+    let end = problem.with_points(problem.measured(state.after_part(&line.unit, t)))?;
     // What rounding left is taken away along the same line, where the volume is not about to turn.
     let slope = cubic.slope(t);
     Ok(problem.finished(end, |state, deficits, round| match round {
@@ -76,32 +76,36 @@ impl Line {
         const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
         let d = &self.unit.vertices;
         let g = problem.goals.vertex_gradient(0, problem.solid, d);
-        let product = |a: &[DVec3], b: &[DVec3]| {
-            let (sum, magnitude) = product_and_magnitude(a, b);
-            if sum.abs() <= ROUNDINGS * magnitude { 0.0 } else { sum }
-        };
-        Cubic { a1: self.slope, a2: product(&g, &state.vertices), a3: product(&g, d) / 3.0 }
+        let significant = |(sum, magnitude): (f64, f64)| if sum.abs() <= ROUNDINGS * magnitude { 0.0 } else { sum };
+        let [with_x, with_d] = products_and_magnitudes(&g, [&state.vertices, d]).map(significant);
+        Cubic { a1: self.slope, a2: with_x, a3: with_d / 3.0 }
     }
 }
 
-/// Σ a·b and the sum of the terms' magnitudes; in fixed chunks of short blocks, so that rounding stays small beside the latter.
-fn product_and_magnitude(a: &[DVec3], b: &[DVec3]) -> (f64, f64) {
+/// Σ g·b and the sum of the terms' magnitudes, for two b; in fixed chunks of short blocks, so that rounding stays small beside the latter.
+fn products_and_magnitudes(g: &[DVec3], with: [&[DVec3]; 2]) -> [(f64, f64); 2] {
     const BLOCK: usize = 64;
     let of_chunk = |range: Range<usize>| {
-        let (mut sum, mut magnitude) = (DVec3::ZERO, DVec3::ZERO);
-        for (a, b) in a[range.clone()].chunks(BLOCK).zip(b[range].chunks(BLOCK)) {
-            let (mut block, mut block_magnitude) = (DVec3::ZERO, DVec3::ZERO);
-            for (a, b) in a.iter().zip(b) {
-                block += *a * *b;
-                block_magnitude += (*a * *b).abs();
+        let mut sums = [(0.0, 0.0); 2];
+        for start in range.clone().step_by(BLOCK) {
+            let block = start..range.end.min(start + BLOCK);
+            for ((sum, magnitude), b) in sums.iter_mut().zip(with) {
+                let (mut of_block, mut magnitude_of_block) = (DVec3::ZERO, DVec3::ZERO);
+                for (g, b) in g[block.clone()].iter().zip(&b[block.clone()]) {
+                    of_block += *g * *b;
+                    magnitude_of_block += (*g * *b).abs();
+                }
+                *sum += of_block.element_sum();
+                *magnitude += magnitude_of_block.element_sum();
             }
-            sum += block;
-            magnitude += block_magnitude;
         }
-        (sum.element_sum(), magnitude.element_sum())
+        sums
     };
-    let parts = parallel::map_chunks(a.len(), parallel::CHUNK, of_chunk);
-    parts.into_iter().fold((0.0, 0.0), |(sum, magnitude), part| (sum + part.0, magnitude + part.1))
+    let mut all = [(0.0, 0.0); 2];
+    for chunk in parallel::map_chunks(g.len(), parallel::CHUNK, of_chunk) {
+        all.iter_mut().zip(chunk).for_each(|(all, part)| *all = (all.0 + part.0, all.1 + part.1));
+    }
+    all
 }
 
 /// The step for several goals: `Σ t_c D_c` with `D_c = R h_c`, h_c the goals' normals at the start, such that all volumes come out. t is

@@ -5,6 +5,8 @@
 
 use glam::DVec3;
 
+use crate::parallel;
+
 /// Polygons as lists of corner indices, stored one after the other.
 ///
 /// A face with corners `c0 c1 c2 … ck` stands for the triangle fan `(c0 c1 c2) (c0 c2 c3) …`, at rest and posed alike.
@@ -195,10 +197,12 @@ impl Bounds {
     /// The smallest box round `points`. `None` without points.
     #[must_use]
     pub fn of(points: &[DVec3]) -> Option<Self> {
-        let (first, rest) = points.split_first()?;
-        Some(
-            rest.iter().fold(Self { min: *first, max: *first }, |b, p| Self { min: b.min.min(*p), max: b.max.max(*p) }),
-        )
+        let of_point = |p: &DVec3| Self { min: *p, max: *p };
+        let union = |a: Self, b: Self| Self { min: a.min.min(b.min), max: a.max.max(b.max) };
+        let boxes = parallel::map_chunks(points.len(), parallel::CHUNK, |range| {
+            points[range].iter().map(of_point).reduce(union)
+        });
+        boxes.into_iter().flatten().reduce(union)
     }
 
     /// Edge lengths of the box.

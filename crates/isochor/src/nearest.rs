@@ -51,6 +51,13 @@ const HALVINGS: usize = 30;
 /// Evaluations of the fine mesh at most, while the coarse one stands for it. Ordinary poses take 5 to 8.
 const ROUNDS: usize = 20;
 
+/// Where rounds on the coarse level stop. Less: one more evaluation of the fine mesh for digits that [`tolerances::KKT_ENOUGH`] does not
+/// ask for; more: little is left of its margin.
+const ENOUGH: f64 = 1e-11;
+
+/// How much nearer than the fine mesh is the coarse one is searched. More: fine evaluations are wasted; less: coarse ones are.
+const BEYOND: f64 = 1e-3;
+
 /// A pose, on the surface or near it.
 struct Iterate {
     state: State,
@@ -74,7 +81,7 @@ pub(crate) fn corrected(problem: &Problem, start: State) -> Result<(State, f64),
     let search = Search { problem };
     let best = match Coarse::of(problem.solid, problem.binding, &problem.posed) {
         Some(coarse) => search.by_levels(&coarse, start)?,
-        None => search.minimum(search.first(start)?),
+        None => search.minimum(search.first(start)?, tolerances::KKT),
     };
     let residual = best.residual_norm;
     let end = problem.with_points(best.state)?;
@@ -104,11 +111,11 @@ impl Search<'_> {
         }
     }
 
-    /// The nearest pose, searched from a pose on the surface.
-    fn minimum(&self, first: Iterate) -> Iterate {
+    /// The nearest pose, searched from a pose on the surface until its residual is `enough`.
+    fn minimum(&self, first: Iterate, enough: f64) -> Iterate {
         let mut best = first;
         for _ in 0..STEPS {
-            if best.residual_norm <= tolerances::KKT {
+            if best.residual_norm <= enough {
                 break;
             }
             let Some(next) = self.next(&best) else { break };
@@ -134,7 +141,8 @@ impl Search<'_> {
         let mut missing = f64::INFINITY;
         let mut mixed = Mixed::default();
         for _ in 0..ROUNDS {
-            let Some(found) = self.coarse_minimum(coarse, &best) else { break };
+            let enough = (BEYOND * missing).clamp(tolerances::KKT, BEYOND * BEYOND);
+            let Some(found) = self.coarse_minimum(coarse, &best, enough) else { break };
             let z = mixed.next(&best.z, found);
             let next = self.iterate(self.state_at(&z, best.state.steps + 1), z);
             let Ok(to_surface) = problem.least(&next.normals, &problem.deficits(&next.state)) else { break };
@@ -145,7 +153,7 @@ impl Search<'_> {
                 break;
             }
             (best, missing) = (next, still_missing);
-            if missing <= tolerances::KKT {
+            if missing <= ENOUGH {
                 return Ok(best);
             }
         }
@@ -155,11 +163,12 @@ impl Search<'_> {
             Some((state, z)) => self.iterate(state, z),
             None => self.first(start)?,
         };
-        Ok(self.minimum(first))
+        Ok(self.minimum(first, tolerances::KKT))
     }
 
-    /// z of the nearest pose of the coarse mesh, whose volumes agree with the fine ones to first order at `at`.
-    fn coarse_minimum(&self, coarse: &Coarse, at: &Iterate) -> Option<Vec<f64>> {
+    /// z of the nearest pose of the coarse mesh, to a residual that is `enough`; its volumes agree with the fine ones to first order at
+    /// `at`.
+    fn coarse_minimum(&self, coarse: &Coarse, at: &Iterate, enough: f64) -> Option<Vec<f64>> {
         let problem = self.problem;
         let goals = problem.goals.len();
         let controls = at.state.displacement.len();
@@ -184,7 +193,7 @@ impl Search<'_> {
             Some((state, z)) => search.iterate(state, z),
             None => search.first(search.state_at(&at.z, 0)).ok()?,
         };
-        Some(search.minimum(first).z)
+        Some(search.minimum(first, enough).z)
     }
 
     /// A state with all that the next step needs.

@@ -600,9 +600,7 @@ fn lossless_origin(points: &[DVec3]) -> DVec3 {
     if origin(Bounds::of(&sample)) == DVec3::ZERO {
         return DVec3::ZERO;
     }
-    let boxes = parallel::map_chunks(points.len(), parallel::CHUNK, |range| Bounds::of(&points[range]));
-    let union = |a: Bounds, b: Bounds| Bounds { min: a.min.min(b.min), max: a.max.max(b.max) };
-    origin(boxes.into_iter().flatten().reduce(union))
+    origin(Bounds::of(points))
 }
 
 /// `(b − a) × (c − a)`: twice the area vector of a triangle.

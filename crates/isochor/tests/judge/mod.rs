@@ -298,7 +298,9 @@ fn across(directions: &[DVec3], v: DVec3) -> DVec3 {
 }
 
 /// Triangles with their components, the vertices of the boundary, and the number of components.
-fn surface(case: &Case) -> (Vec<(usize, [usize; 3])>, Vec<usize>, usize) {
+type Surface = (Vec<(usize, [usize; 3])>, Vec<usize>, usize);
+
+fn surface(case: &Case) -> Surface {
     let n = case.mesh.points().len();
     let mut root: Vec<usize> = (0..n).collect();
     fn find(root: &[usize], mut v: usize) -> usize {
