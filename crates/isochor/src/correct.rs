@@ -518,12 +518,6 @@ impl<'a> Corrector<'a> {
     fn problem<'b>(&'b self, posed: &[DVec3], wanted: &'b Wanted) -> Result<Problem<'b>, CorrectError> {
         let (solid, binding) = (&*self.solid, &*self.binding);
         length("the posed vertices", posed.len(), solid.vertex_count())?;
-        let not_finite = |range: std::ops::Range<usize>| range.clone().find(|v| !posed[*v].is_finite());
-        if let Some(vertex) =
-            parallel::map_chunks(posed.len(), parallel::CHUNK, not_finite).into_iter().flatten().next()
-        {
-            return Err(CorrectError::NotFinite { vertex, position: posed[vertex] });
-        }
         let controls = binding.control_count();
         for (point, PointTarget { weights, position, target }) in wanted.points.iter().enumerate() {
             if let Some((control, _)) = weights.iter().find(|(control, _)| *control >= controls) {
@@ -534,8 +528,14 @@ impl<'a> Corrector<'a> {
                 return Err(CorrectError::Point { point, what: "its numbers must be finite".into() });
             }
         }
-        let bounds = Bounds::of(posed);
-        let (origin, extent) = bounds.map_or((DVec3::ZERO, 0.0), |b| (b.lossless_origin(), b.extent()));
+        let (origin, extent) = match Bounds::of(posed) {
+            Some(bounds) if bounds.is_finite() => (bounds.lossless_origin(), bounds.extent()),
+            Some(_) => {
+                let vertex = posed.iter().position(|p| !p.is_finite()).unwrap_or_default();
+                return Err(CorrectError::NotFinite { vertex, position: posed[vertex] });
+            }
+            None => (DVec3::ZERO, 0.0),
+        };
         let order = self.order.as_ref();
         let posed =
             parallel::collect(posed.len(), |i| posed[order.map_or(i, |order| order.vertices[i] as usize)] - origin);

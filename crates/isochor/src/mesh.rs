@@ -194,15 +194,25 @@ pub struct Bounds {
 }
 
 impl Bounds {
-    /// The smallest box round `points`. `None` without points.
+    /// The smallest box round `points`, not finite where one of them is not. `None` without points.
     #[must_use]
     pub fn of(points: &[DVec3]) -> Option<Self> {
         let of_point = |p: &DVec3| Self { min: *p, max: *p };
-        let union = |a: Self, b: Self| Self { min: a.min.min(b.min), max: a.max.max(b.max) };
+        // What is not a number compares with nothing, and stays.
+        let either = |a: DVec3, b: DVec3| DVec3::select(b.cmpeq(b), a, b);
+        let least = |a: DVec3, b: DVec3| either(DVec3::select(a.cmpgt(b), b, a), b);
+        let most = |a: DVec3, b: DVec3| either(DVec3::select(a.cmplt(b), b, a), b);
+        let union = |a: Self, b: Self| Self { min: least(a.min, b.min), max: most(a.max, b.max) };
         let boxes = parallel::map_chunks(points.len(), parallel::CHUNK, |range| {
             points[range].iter().map(of_point).reduce(union)
         });
         boxes.into_iter().flatten().reduce(union)
+    }
+
+    /// Whether all corners are finite.
+    #[must_use]
+    pub fn is_finite(&self) -> bool {
+        self.min.is_finite() && self.max.is_finite()
     }
 
     /// Edge lengths of the box.
@@ -232,5 +242,24 @@ impl Bounds {
     pub fn lossless_origin(&self) -> DVec3 {
         let (center, size) = (self.center(), self.size());
         DVec3::from_array(std::array::from_fn(|a| if center[a].abs() >= size[a] { center[a] } else { 0.0 }))
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_box_is_finite_where_all_points_are() {
+        let points = [DVec3::ZERO, DVec3::new(1.0, -2.0, 3.0), DVec3::splat(0.5)];
+        let bounds = Bounds::of(&points).unwrap();
+        assert_eq!((bounds.min, bounds.max), (DVec3::new(0.0, -2.0, 0.0), DVec3::new(1.0, 0.5, 3.0)));
+        for bad in [f64::NAN, f64::INFINITY, f64::NEG_INFINITY] {
+            for (point, axis) in [(0, 0), (1, 1), (2, 2)] {
+                let mut points = points;
+                points[point][axis] = bad;
+                assert!(!Bounds::of(&points).unwrap().is_finite(), "{bad} at {point}");
+            }
+        }
     }
 }
