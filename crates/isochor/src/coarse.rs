@@ -15,7 +15,7 @@ use crate::volume::Solid;
 
 /// Vertices below which a body is its own stand-in. More: medium models take longer than they need; fewer: the stand-in is hardly
 /// coarser.
-const LEAST_VERTICES: usize = 30_000;
+pub(crate) const LEAST_VERTICES: usize = 30_000;
 
 /// Cells along the longest side of the body. More: fewer fine evaluations; fewer: cheaper coarse ones.
 const CELLS: usize = 32;

@@ -38,7 +38,7 @@ use crate::rows::{Missed, Rows, norm};
 use crate::sensitivity::Sensitivity;
 use crate::tolerances;
 use crate::volume::{Solid, Volumes};
-use crate::{axes, gradient, nearest, order, parallel};
+use crate::{axes, coarse, gradient, nearest, order, parallel};
 
 /// A posed model: what is to be corrected.
 #[derive(Clone, Copy, Debug)]
@@ -357,7 +357,10 @@ impl CorrectError {
 ///
 /// Arrays that do not fit together, values out of range, a torn surface; [`CorrectError::Impossible`] with the reason.
 pub fn correct(pose: &Pose, wanted: &Wanted, options: &CorrectOptions) -> Result<Correction, CorrectError> {
-    Corrector::borrowed(pose.solid, pose.binding, options)?.correct(pose.vertices, wanted)
+    // Many evaluations of a large mesh are worth its copy in a better order.
+    let is_long = options.method == Method::Nearest && pose.vertices.len() >= coarse::LEAST_VERTICES;
+    let prepare = if is_long { Corrector::new } else { Corrector::borrowed };
+    prepare(pose.solid, pose.binding, options)?.correct(pose.vertices, wanted)
 }
 
 /// A body, a binding and how to correct, prepared for any number of poses and wishes.

@@ -69,7 +69,9 @@ fn everything(mesh: &Mesh) -> Vec<(&'static str, Vec<u64>)> {
         ("gradient change in the order of cells", vectors(&change)),
     ]);
     let pose = Pose { solid: &solid, vertices: &posed, binding: &binding };
-    for (name, method) in [("gradient method", Method::Gradient), ("axes method", Method::xyz())] {
+    for (name, method) in
+        [("gradient method", Method::Gradient), ("axes method", Method::xyz()), ("nearest method", Method::Nearest)]
+    {
         let options = CorrectOptions { method, mobility: None, ..CorrectOptions::default() };
         let corrected = correct(&pose, &Wanted::volume(1.1 * volumes.total), &options).unwrap();
         let summary = [corrected.volume, corrected.volume_before, corrected.relative_error, corrected.steps as f64];
