@@ -14,7 +14,8 @@
 
 use glam::{DMat3, DVec3};
 
-use crate::correct::{CorrectError, Problem, Reason, State, Step, spread};
+use crate::correct::{CorrectError, Problem, Reason, State, Step};
+use crate::goals::Gradients;
 use crate::metric::{AxisMetric, Factors, Metric};
 use crate::parallel;
 use crate::points::point_rows;
@@ -258,9 +259,9 @@ enum Strength {
 }
 
 /// How the volumes depend on the surface as it stands.
-struct Surface {
-    /// ∂V/∂P of each goal (#goals × #vertices × 3).
-    gradients: Vec<Vec<DVec3>>,
+struct Surface<'a> {
+    /// ∂V/∂P of each goal.
+    gradients: Gradients<'a>,
     /// Σ |∂V/∂p|₁ of each.
     spread: Vec<f64>,
     /// How they depend on displacements along each axis, once that was asked for.
@@ -277,15 +278,11 @@ struct Pulls {
     root: f64,
 }
 
-impl Surface {
-    fn of(problem: &Problem, state: &State, axes: usize) -> Self {
-        let gradient = |goal| problem.goals.vertex_gradient(goal, problem.solid, &state.vertices);
-        let gradients: Vec<Vec<DVec3>> = (0..problem.goals.len()).map(gradient).collect();
-        Self {
-            spread: gradients.iter().map(|g| spread(g)).collect(),
-            gradients,
-            pulls: (0..axes).map(|_| None).collect(),
-        }
+impl<'a> Surface<'a> {
+    fn of(problem: &'a Problem, state: &State, axes: usize) -> Self {
+        let gradients = problem.goals.gradients(problem.solid, &state.vertices);
+        let spread = (0..problem.goals.len()).map(|goal| gradients.spread(goal)).collect();
+        Self { gradients, spread, pulls: (0..axes).map(|_| None).collect() }
     }
 
     /// Finds how the volumes depend on axis `k`, unless that is known.
@@ -294,11 +291,9 @@ impl Surface {
             return;
         }
         // HB (10)–(12)
-        let alpha = |gradient: &Vec<DVec3>| {
-            let along = parallel::collect(gradient.len(), |v| gradient[v].dot(axis.direction));
-            problem.binding.adjoint_scalar(&along)
-        };
-        let alphas: Vec<Vec<f64>> = self.gradients.iter().map(alpha).collect();
+        let alphas: Vec<Vec<f64>> = parallel::map(problem.goals.len(), |goal| {
+            self.gradients.adjoint_along(goal, problem.binding, axis.direction)
+        });
         let pulled = |alpha: &Vec<f64>| {
             let mut pulled = axis.metric.pulled(alpha);
             if let Some(rows) = &points.rows[k] {

@@ -262,6 +262,24 @@ impl Binding {
         [control / (nv * nw), control / nw % nv, control % nw]
     }
 
+    /// `Wᵀ g` of some vertices alone: `g(v)` for each of `vertices`, in their order.
+    pub(crate) fn adjoint_among<T>(&self, vertices: &[u32], g: impl Fn(usize) -> T) -> Vec<T>
+    where
+        T: Copy + Default + AddAssign + Mul<f64, Output = T>,
+    {
+        let mut sum = vec![T::default(); self.control_count()];
+        for v in vertices.iter().map(|v| *v as usize) {
+            let of_vertex = g(v);
+            self.for_each_line(v, |first, w, along_w| {
+                let term = of_vertex * w;
+                for (x, s) in along_w.iter().zip(&mut sum[first..first + along_w.len()]) {
+                    *s += term * *x;
+                }
+            });
+        }
+        sum
+    }
+
     /// Calls `f(first control, weight, univariate row along w)` for each line of controls along w that vertex v touches.
     #[inline]
     fn for_each_line(&self, v: usize, mut f: impl FnMut(usize, f64, &[f64])) {

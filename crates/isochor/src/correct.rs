@@ -560,6 +560,7 @@ impl<'a> Corrector<'a> {
                 CorrectError::Impossible { goal: Some(goal), target, volume, reason: Reason::Follows { follows } }
             }
         })?;
+        let goals = goals.of(solid);
         let points = &wanted.points[..];
         let rows = (!points.is_empty()).then(|| PointRows::new(points, &self.metric));
         let tilt = None;
@@ -752,7 +753,7 @@ impl<'a> Problem<'a> {
             binding,
             metric: self.metric,
             wanted: self.wanted,
-            goals: self.goals.clone(),
+            goals: self.goals.clone().of(solid),
             points: self.points,
             rows: self.rows.clone(),
             volumes: solid.volumes(posed),
@@ -904,15 +905,14 @@ impl<'a> Problem<'a> {
 
     /// ∇V of each goal (#goals).
     pub(crate) fn slopes(&self, state: &State) -> Vec<Slope> {
-        let slope = |goal: usize| {
-            let gradient = self.goals.vertex_gradient(goal, self.solid, &state.vertices);
-            let mut controls = self.binding.adjoint(&gradient);
+        let gradients = self.goals.gradients(self.solid, &state.vertices);
+        parallel::map(self.goals.len(), |goal| {
+            let mut controls = gradients.adjoint(goal, self.binding);
             if let Some(tilt) = &self.tilt {
                 controls.iter_mut().zip(&tilt.slope[goal]).for_each(|(c, s)| *c += *s);
             }
-            Slope { controls, spread: spread(&gradient) }
-        };
-        (0..self.goals.len()).map(slope).collect()
+            Slope { controls, spread: gradients.spread(goal) }
+        })
     }
 
     /// The slopes in the metric.
@@ -986,21 +986,22 @@ impl<'a> Problem<'a> {
     /// `state` with some coordinates that the correction moved rounded up or down by one unit in the last place, such that
     /// the deficits shrink: the largest effects first, where a vertex concerns one goal only.
     fn rounded_otherwise(&self, state: &State, deficits: &[f64]) -> State {
-        let gradients: Vec<Vec<DVec3>> =
-            (0..self.goals.len()).map(|goal| self.goals.vertex_gradient(goal, self.solid, &state.vertices)).collect();
+        let gradients = self.goals.gradients(self.solid, &state.vertices);
+        let of_goals: Vec<Vec<(usize, DVec3)>> =
+            (0..self.goals.len()).map(|goal| gradients.of_vertices(goal)).collect();
         let moved = |v: usize, a: usize| state.vertices[v][a] != self.posed[v][a];
-        let concerns = |v: usize| gradients.iter().filter(|gradient| gradient[v] != DVec3::ZERO).count();
-        let free: Vec<usize> =
-            (0..state.vertices.len()).filter(|v| !self.solid.has_twin(*v) && concerns(*v) == 1).collect();
+        let mut concerns = vec![0; state.vertices.len()];
+        of_goals.iter().flatten().for_each(|(v, _)| concerns[*v] += 1);
+        let is_free = |v: usize| !self.solid.has_twin(v) && concerns[v] == 1;
         let mut next = state.clone();
         let vertices = Arc::make_mut(&mut next.vertices);
-        for (gradient, &deficit) in gradients.iter().zip(deficits) {
-            let mut units: Vec<(f64, usize, usize)> = free
+        for (gradient, &deficit) in of_goals.iter().zip(deficits) {
+            let mut units: Vec<(f64, usize, usize)> = gradient
                 .iter()
-                .filter(|v| gradient[**v] != DVec3::ZERO)
-                .flat_map(|v| (0..3).map(move |a| (*v, a)))
-                .filter(|(v, a)| moved(*v, *a))
-                .map(|(v, a)| (gradient[v][a] * (state.vertices[v][a].next_up() - state.vertices[v][a]), v, a))
+                .filter(|(v, _)| is_free(*v))
+                .flat_map(|(v, g)| (0..3).map(move |a| (*v, a, g[a])))
+                .filter(|(v, a, _)| moved(*v, *a))
+                .map(|(v, a, g)| (g * (state.vertices[v][a].next_up() - state.vertices[v][a]), v, a))
                 .collect();
             units.sort_by(|a, b| b.0.abs().total_cmp(&a.0.abs()));
             let mut open = deficit;
@@ -1022,10 +1023,4 @@ impl<'a> Problem<'a> {
         let normals = self.normals(&self.slopes(state));
         Some(state.after(&self.step(&self.least(&normals, deficits).ok()?)))
     }
-}
-
-/// Σ |g|₁ over the vertices (the sum of the coordinates' magnitudes).
-pub(crate) fn spread(gradient: &[DVec3]) -> f64 {
-    let of = |range: std::ops::Range<usize>| gradient[range].iter().map(|g| g.abs()).sum::<DVec3>().element_sum();
-    parallel::map_chunks(gradient.len(), parallel::CHUNK, of).iter().sum()
 }

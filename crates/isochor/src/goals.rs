@@ -5,6 +5,8 @@
 
 use glam::DVec3;
 
+use crate::binding::Binding;
+use crate::parallel;
 use crate::tolerances;
 use crate::volume::{Solid, Volumes};
 
@@ -72,11 +74,21 @@ pub(crate) struct Goals {
     members: Vec<Vec<bool>>,
     /// The wanted volumes (#goals).
     pub(crate) targets: Vec<f64>,
+    /// The vertices of each goal's components (#goals), where there are several goals and no vertex is part of two components.
+    vertices: Option<Vec<Vec<u32>>>,
+}
+
+/// ∂V/∂P of each goal at a pose.
+pub(crate) enum Gradients<'a> {
+    /// One after the other (#goals × #vertices × 3).
+    Each(Vec<Vec<DVec3>>),
+    /// That of the whole body (#vertices × 3), and the vertices that count for each goal: of many goals each costs what its vertices cost.
+    Shared(Vec<DVec3>, &'a [Vec<u32>]),
 }
 
 impl Goals {
     pub(crate) fn new(wanted: &[VolumeGoal], component_count: usize) -> Result<Self, GoalFault> {
-        let mut goals = Self { index: Vec::new(), members: Vec::new(), targets: Vec::new() };
+        let mut goals = Self { index: Vec::new(), members: Vec::new(), targets: Vec::new(), vertices: None };
         // Rows in echelon form: (pivot component, coefficients, wanted volume, its magnitude).
         let mut echelon: Vec<(usize, Vec<f64>, f64, f64)> = Vec::new();
         for (goal, VolumeGoal { components, volume }) in wanted.iter().enumerate() {
@@ -127,6 +139,18 @@ impl Goals {
         Ok(goals)
     }
 
+    /// The same goals for `solid`, whose components they are about.
+    pub(crate) fn of(mut self, solid: &Solid) -> Self {
+        self.vertices = if self.len() > 1 { vertices_of_components(solid) } else { None }.map(|of_component| {
+            let of_goal = |members: &Vec<bool>| {
+                let lists = of_component.iter().zip(members).filter(|(_, member)| **member);
+                lists.flat_map(|(list, _)| list.iter().copied()).collect()
+            };
+            self.members.iter().map(of_goal).collect()
+        });
+        self
+    }
+
     /// Number of goals.
     pub(crate) fn len(&self) -> usize {
         self.targets.len()
@@ -139,6 +163,14 @@ impl Goals {
             false => volumes.components.iter().zip(members).filter(|(_, member)| **member).map(|(v, _)| v).sum(),
         };
         self.members.iter().map(sum).collect()
+    }
+
+    /// ∂V/∂P of each goal at a pose.
+    pub(crate) fn gradients(&self, solid: &Solid, points: &[DVec3]) -> Gradients<'_> {
+        match &self.vertices {
+            Some(vertices) => Gradients::Shared(solid.volume_gradient(points), vertices),
+            None => Gradients::Each((0..self.len()).map(|goal| self.vertex_gradient(goal, solid, points)).collect()),
+        }
     }
 
     /// ∂V_goal/∂P (#vertices × 3) at a pose.
@@ -158,6 +190,72 @@ impl Goals {
         let weights: Vec<f64> = (0..solid.component_count()).map(weight).collect();
         solid.weighted_gradient_change(points, q, &weights)
     }
+}
+
+impl Gradients<'_> {
+    /// Σ |∂V/∂p|₁ of a goal over the vertices: about the area of its surface, and the scale on which its ∇V is rounded.
+    pub(crate) fn spread(&self, goal: usize) -> f64 {
+        match self {
+            Self::Each(gradients) => {
+                let gradient = &gradients[goal];
+                let of = |range: std::ops::Range<usize>| gradient[range].iter().map(|g| g.abs()).sum::<DVec3>();
+                let parts = parallel::map_chunks(gradient.len(), parallel::CHUNK, of);
+                parts.into_iter().sum::<DVec3>().element_sum()
+            }
+            Self::Shared(gradient, vertices) => {
+                vertices[goal].iter().map(|v| gradient[*v as usize].abs()).sum::<DVec3>().element_sum()
+            }
+        }
+    }
+
+    /// ∇V of a goal (#controls × 3).
+    pub(crate) fn adjoint(&self, goal: usize, binding: &Binding) -> Vec<DVec3> {
+        match self {
+            Self::Each(gradients) => binding.adjoint(&gradients[goal]),
+            Self::Shared(gradient, vertices) => binding.adjoint_among(&vertices[goal], |v| gradient[v]),
+        }
+    }
+
+    /// ∇V of a goal along `direction` (#controls).
+    pub(crate) fn adjoint_along(&self, goal: usize, binding: &Binding, direction: DVec3) -> Vec<f64> {
+        match self {
+            Self::Each(gradients) => {
+                let gradient = &gradients[goal];
+                binding.adjoint_scalar(&parallel::collect(gradient.len(), |v| gradient[v].dot(direction)))
+            }
+            Self::Shared(gradient, vertices) => binding.adjoint_among(&vertices[goal], |v| gradient[v].dot(direction)),
+        }
+    }
+
+    /// The vertices on which a goal depends, with ∂V/∂p.
+    pub(crate) fn of_vertices(&self, goal: usize) -> Vec<(usize, DVec3)> {
+        let all: Vec<(usize, DVec3)> = match self {
+            Self::Each(gradients) => gradients[goal].iter().copied().enumerate().collect(),
+            Self::Shared(gradient, vertices) => {
+                vertices[goal].iter().map(|v| (*v as usize, gradient[*v as usize])).collect()
+            }
+        };
+        all.into_iter().filter(|(_, g)| *g != DVec3::ZERO).collect()
+    }
+}
+
+/// The vertices of each component, in ascending order; `None` where one is part of two.
+fn vertices_of_components(solid: &Solid) -> Option<Vec<Vec<u32>>> {
+    let mut component_of = vec![usize::MAX; solid.vertex_count()];
+    for component in 0..solid.component_count() {
+        for v in solid.triangles_of(component).as_flattened() {
+            let Some(known) = component_of.get_mut(*v as usize) else { continue }; // an apex
+            if *known != usize::MAX && *known != component {
+                return None;
+            }
+            *known = component;
+        }
+    }
+    let mut vertices = vec![Vec::new(); solid.component_count()];
+    for (v, component) in (0..).zip(component_of).filter(|(_, component)| *component != usize::MAX) {
+        vertices[component].push(v);
+    }
+    Some(vertices)
 }
 
 #[cfg(test)]

@@ -1,7 +1,9 @@
 //! Dragged vertices: direct manipulation against its closed form, normal equations and the property that defines it.
 
+mod elimination;
 mod random;
 
+use elimination::solved;
 use glam::DVec3;
 use isochor::shapes::icosphere;
 use isochor::{
@@ -86,29 +88,6 @@ fn cost(delta: &[DVec3], mobility: &[DVec3]) -> f64 {
     delta.iter().zip(mobility).map(|(d, m)| term(d.x, m.x) + term(d.y, m.y) + term(d.z, m.z)).sum()
 }
 
-/// Solves A x = b by Gaussian elimination with pivots.
-fn solved(mut a: Vec<Vec<f64>>, mut b: Vec<DVec3>) -> Vec<DVec3> {
-    let n = b.len();
-    for k in 0..n {
-        let pivot = (k..n).max_by(|i, j| a[*i][k].abs().total_cmp(&a[*j][k].abs())).unwrap();
-        a.swap(k, pivot);
-        b.swap(k, pivot);
-        for i in k + 1..n {
-            let factor = a[i][k] / a[k][k];
-            let row = a[k].clone();
-            a[i].iter_mut().zip(&row).for_each(|(x, y)| *x -= factor * y);
-            b[i] = b[i] - factor * b[k];
-        }
-    }
-    for k in (0..n).rev() {
-        for j in k + 1..n {
-            b[k] = b[k] - a[k][j] * b[j];
-        }
-        b[k] /= a[k][k];
-    }
-    b
-}
-
 #[test]
 fn one_vertex_has_a_closed_form() {
     let ball = Posed::new(1, Outside::Refuse, 0.1);
@@ -144,8 +123,10 @@ fn several_vertices_solve_the_normal_equations() {
         ball.binding.weights(v).into_iter().for_each(|(c, w)| row[c] = w);
     }
     let product = |x: &[f64], y: &[f64]| -> f64 { x.iter().zip(y).zip(&m).map(|((x, y), m)| x * y * m).sum() };
-    let normal = a.iter().map(|x| a.iter().map(|y| product(x, y)).collect()).collect();
-    let lambda = solved(normal, moves);
+    let normal: Vec<Vec<f64>> = a.iter().map(|x| a.iter().map(|y| product(x, y)).collect()).collect();
+    let along = |axis: usize| solved(normal.clone(), moves.iter().map(|m| m[axis]).collect());
+    let [x, y, z] = [0, 1, 2].map(along);
+    let lambda: Vec<DVec3> = (0..moves.len()).map(|k| DVec3::new(x[k], y[k], z[k])).collect();
     for (c, found) in controls.iter().enumerate() {
         let delta: DVec3 = a.iter().zip(&lambda).map(|(row, l)| m[c] * row[c] * *l).sum();
         assert!((*found - ball.controls[c] - delta).length() <= 1e-13 * (1.0 + delta.length()), "control {c}");

@@ -1,9 +1,11 @@
 //! Corrections that keep something else small than the displacement of the controls.
 
 mod bodies;
+mod elimination;
 mod random;
 
 use bodies::Bodies;
+use elimination::solved;
 use glam::DVec3;
 use isochor::{CorrectError, CorrectOptions, Energy, Method, Pose, Wanted, correct, displaced, tolerances};
 use random::Random;
@@ -24,24 +26,6 @@ fn dense(energy: &Energy) -> Vec<Vec<f64>> {
         (matrix[i][j], matrix[j][i]) = (s, s);
     }
     matrix
-}
-
-/// Solves A x = b for a positive A by elimination.
-fn solved(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
-    let n = b.len();
-    for k in 0..n {
-        for i in k + 1..n {
-            let factor = a[i][k] / a[k][k];
-            let (upper, lower) = a.split_at_mut(i);
-            lower[0][k..].iter_mut().zip(&upper[k][k..]).for_each(|(x, y)| *x -= factor * y);
-            b[i] -= factor * b[k];
-        }
-    }
-    for k in (0..n).rev() {
-        let rest: f64 = (k + 1..n).map(|j| a[k][j] * b[j]).sum();
-        b[k] = (b[k] - rest) / a[k][k];
-    }
-    b
 }
 
 fn dot(a: &[f64], b: &[f64]) -> f64 {

@@ -5,9 +5,10 @@ mod random;
 
 use bodies::Bodies;
 use glam::DVec3;
+use isochor::shapes::icosphere;
 use isochor::{
-    Bounds, Components, CorrectError, CorrectOptions, Correction, Corrector, Method, Pose, Reason, Status, VolumeGoal,
-    Wanted, correct, displaced,
+    Basis, Bounds, Components, CorrectError, CorrectOptions, Correction, Corrector, Faces, Frame, Lattice, Mesh,
+    Method, OpenBoundaries, Outside, Pose, Reason, Solid, Status, VolumeGoal, Wanted, correct, displaced, topology,
 };
 use proptest::prelude::*;
 use random::Random;
@@ -215,6 +216,40 @@ fn volumes_that_can_only_change_together_are_coupled() {
         match solve(&bodies, &wanted, &options) {
             Err(CorrectError::Impossible { goal: Some(1), reason: Reason::Coupled { by }, .. }) => assert!(by > 1e-3),
             other => panic!("{other:?}"),
+        }
+    }
+}
+
+#[test]
+fn sixty_four_bodies_keep_sixty_four_volumes() {
+    let ball = icosphere(1);
+    let (mut points, mut faces) = (Vec::new(), Faces::new());
+    for k in 0..64_usize {
+        let center = DVec3::new((k / 16) as f64, (k / 4 % 4) as f64, (k % 4) as f64);
+        let first = points.len() as u32;
+        points.extend(ball.points().iter().map(|p| center + 0.3 * *p));
+        ball.faces().iter().for_each(|face| faces.push(&[face[0] + first, face[1] + first, face[2] + first]));
+    }
+    let mesh = Mesh::new(points, faces).unwrap();
+    let solid = Solid::new(&mesh, &topology(&mesh), OpenBoundaries::Refuse).unwrap();
+    let lattice = Lattice::new(
+        [0; 3].map(|_| Basis::clamped(8, 3).unwrap()),
+        Frame::fitted(mesh.bounds().unwrap(), 0.05).unwrap(),
+    );
+    let binding = lattice.unwrap().bind(mesh.points(), Outside::Refuse).unwrap();
+    let mut random = Random(13);
+    let moved: Vec<DVec3> = (0..binding.control_count()).map(|_| 0.1 * random.vector()).collect();
+    let vertices = displaced(mesh.points(), &binding.apply(&moved));
+    let rest = solid.volumes(mesh.points()).components;
+    let volumes = rest.iter().enumerate().map(|(c, v)| goal(&[c], v * random.within(0.95, 1.05))).collect();
+    let wanted = Wanted { volumes, points: vec![] };
+    for method in methods() {
+        let options = CorrectOptions { method, ..CorrectOptions::default() };
+        let pose = Pose { solid: &solid, vertices: &vertices, binding: &binding };
+        let corrected = correct(&pose, &wanted, &options).unwrap();
+        assert_eq!(corrected.status, Status::Exact);
+        for (goal, volume) in wanted.volumes.iter().zip(&corrected.component_volumes) {
+            assert!((volume / goal.volume - 1.0).abs() <= 1e-13);
         }
     }
 }

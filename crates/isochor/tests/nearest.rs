@@ -1,7 +1,9 @@
 //! The nearest correction against dense solutions of its condition, and against what nearest means.
 
+mod elimination;
 mod random;
 
+use elimination::solved;
 use glam::{DMat3, DVec3};
 use isochor::shapes::{icosphere, plate, uv_torus};
 use isochor::{
@@ -89,27 +91,6 @@ fn kkt_residual(posed: &Posed, delta: &[DVec3], mobility: &[DVec3]) -> f64 {
     let dot = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum::<f64>();
     let mu = dot(delta, &gradient) / dot(&pull, &gradient);
     delta.iter().zip(&pull).map(|(d, p)| (*d - mu * *p).abs().max_element()).fold(0.0, f64::max)
-}
-
-/// Solves A x = b by elimination with partial pivoting.
-fn solved(mut a: Vec<Vec<f64>>, mut b: Vec<f64>) -> Vec<f64> {
-    let n = b.len();
-    for k in 0..n {
-        let pivot = (k..n).max_by(|i, j| a[*i][k].abs().total_cmp(&a[*j][k].abs())).unwrap();
-        a.swap(k, pivot);
-        b.swap(k, pivot);
-        for i in k + 1..n {
-            let factor = a[i][k] / a[k][k];
-            let (upper, lower) = a.split_at_mut(i);
-            lower[0][k..].iter_mut().zip(&upper[k][k..]).for_each(|(x, y)| *x -= factor * y);
-            b[i] -= factor * b[k];
-        }
-    }
-    for k in (0..n).rev() {
-        let rest: f64 = (k + 1..n).map(|j| a[k][j] * b[j]).sum();
-        b[k] = (b[k] - rest) / a[k][k];
-    }
-    b
 }
 
 /// Newton's method on the dense condition `δ − μ M ∘ ∇V = 0, V = target`, from `delta`. The Hessian's columns are half the
