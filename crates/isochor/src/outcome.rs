@@ -300,7 +300,10 @@ impl JobError {
             Self::Solid(SolidError::Open { .. }) => "preserve.open".into(),
             Self::Solid(_) | Self::NoVolume { .. } => "model".into(),
             Self::Correct(CorrectError::Impossible {
-                reason: Reason::Contradiction { point, .. } | Reason::OffAxes { point, .. },
+                reason:
+                    Reason::Contradiction { point, .. }
+                    | Reason::OffAxes { point, .. }
+                    | Reason::PointRounding { point, .. },
                 ..
             }) => format!("preserve.points[{point}]"),
             Self::Local(error) => match error.reason() {
