@@ -17,18 +17,21 @@ pub(crate) fn map_chunks<R: Send>(len: usize, chunk: usize, f: impl Fn(Range<usi
 
 /// `f(0), f(1), … f(count − 1)`, in order; each call may run on another thread.
 pub(crate) fn map<R: Send>(count: usize, f: impl Fn(usize) -> R + Send + Sync) -> Vec<R> {
+    // One call is not worth waking other threads for.
     #[cfg(feature = "rayon")]
-    return (0..count).into_par_iter().map(f).collect();
-    #[cfg(not(feature = "rayon"))]
-    return (0..count).map(f).collect();
+    if count > 1 {
+        return (0..count).into_par_iter().map(f).collect();
+    }
+    (0..count).map(f).collect()
 }
 
 /// `[f(0), … f(len − 1)]`, computed in parallel.
 pub(crate) fn collect<T: Send>(len: usize, f: impl Fn(usize) -> T + Send + Sync) -> Vec<T> {
     #[cfg(feature = "rayon")]
-    return (0..len).into_par_iter().with_min_len(CHUNK).map(f).collect();
-    #[cfg(not(feature = "rayon"))]
-    return (0..len).map(f).collect();
+    if len > CHUNK {
+        return (0..len).into_par_iter().with_min_len(CHUNK).map(f).collect();
+    }
+    (0..len).map(f).collect()
 }
 
 /// Makes `out` hold `len` items of any value, in its own memory where it holds as many already.
@@ -41,8 +44,9 @@ pub(crate) fn resize<T: Copy + Default + Send>(out: &mut Vec<T>, len: usize) {
 /// Calls `f(first, part)` for every part of `out` of length `chunk`, with the index of its first item.
 pub(crate) fn for_each_chunk<T: Send>(out: &mut [T], chunk: usize, f: impl Fn(usize, &mut [T]) + Send + Sync) {
     #[cfg(feature = "rayon")]
-    out.par_chunks_mut(chunk).enumerate().for_each(|(c, part)| f(c * chunk, part));
-    #[cfg(not(feature = "rayon"))]
+    if out.len() > chunk {
+        return out.par_chunks_mut(chunk).enumerate().for_each(|(c, part)| f(c * chunk, part));
+    }
     out.chunks_mut(chunk).enumerate().for_each(|(c, part)| f(c * chunk, part));
 }
 
