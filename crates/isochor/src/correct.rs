@@ -675,6 +675,8 @@ pub(crate) struct Slope {
     pub(crate) controls: Vec<DVec3>,
     /// Σ |∂V/∂p|₁ over the vertices: about the surface's area, and the scale on which ∇V is rounded.
     pub(crate) spread: f64,
+    /// V, with the rounding of a plain sum, and without what a [`Tilt`] adds.
+    pub(crate) rough_volume: f64,
 }
 
 /// The slopes of all goals in the metric.
@@ -911,7 +913,8 @@ impl<'a> Problem<'a> {
             if let Some(tilt) = &self.tilt {
                 controls.iter_mut().zip(&tilt.slope[goal]).for_each(|(c, s)| *c += *s);
             }
-            Slope { controls, spread: gradients.spread(goal) }
+            let (spread, rough_volume) = gradients.spread_and_rough_volume(goal, &state.vertices);
+            Slope { controls, spread, rough_volume }
         })
     }
 

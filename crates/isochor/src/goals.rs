@@ -193,19 +193,27 @@ impl Goals {
 }
 
 impl Gradients<'_> {
-    /// Σ |∂V/∂p|₁ of a goal over the vertices: about the area of its surface, and the scale on which its ∇V is rounded.
-    pub(crate) fn spread(&self, goal: usize) -> f64 {
-        match self {
+    /// Of a goal at the pose `points`: Σ |∂V/∂p|₁ over the vertices, about the area of its surface and the scale on which its ∇V is rounded;
+    /// and its volume, `Σ ∂V/∂p · p / 3`, with the rounding of a plain sum.
+    pub(crate) fn spread_and_rough_volume(&self, goal: usize, points: &[DVec3]) -> (f64, f64) {
+        let add = |(spread, products): (DVec3, DVec3), (g, p): (DVec3, DVec3)| (spread + g.abs(), products + g * p);
+        let none = (DVec3::ZERO, DVec3::ZERO);
+        let (spread, products) = match self {
             Self::Each(gradients) => {
                 let gradient = &gradients[goal];
-                let of = |range: std::ops::Range<usize>| gradient[range].iter().map(|g| g.abs()).sum::<DVec3>();
+                let of = |range: std::ops::Range<usize>| {
+                    let pairs = gradient[range.clone()].iter().copied().zip(points[range].iter().copied());
+                    pairs.fold(none, add)
+                };
                 let parts = parallel::map_chunks(gradient.len(), parallel::CHUNK, of);
-                parts.into_iter().sum::<DVec3>().element_sum()
+                parts.into_iter().fold(none, |sum, part| (sum.0 + part.0, sum.1 + part.1))
             }
             Self::Shared(gradient, vertices) => {
-                vertices[goal].iter().map(|v| gradient[*v as usize].abs()).sum::<DVec3>().element_sum()
+                let pair = |v: &u32| (gradient[*v as usize], points[*v as usize]);
+                vertices[goal].iter().map(pair).fold(none, add)
             }
-        }
+        };
+        (spread.element_sum(), products.element_sum() / 3.0)
     }
 
     /// ∇V of a goal (#controls × 3).

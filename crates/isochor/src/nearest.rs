@@ -31,6 +31,7 @@ use crate::correct::{CorrectError, Normals, Problem, Slope, State, Tilt};
 use crate::gradient;
 use crate::rows::{Rows, add, dot};
 use crate::tolerances;
+use crate::volume::Volumes;
 
 /// Newton steps at most. Ordinary poses take 3 to 6; more than 50 only where |z| is almost flat.
 const STEPS: usize = 60;
@@ -80,7 +81,10 @@ struct Iterate {
 pub(crate) fn corrected(problem: &Problem, start: State) -> Result<(State, f64), CorrectError> {
     let search = Search { problem };
     let best = match Coarse::of(problem.solid, problem.binding, &problem.posed) {
-        Some(coarse) => search.by_levels(&coarse, start)?,
+        Some(coarse) => {
+            let best = search.by_levels(&coarse, start)?;
+            Iterate { state: problem.measured(best.state), ..best }
+        }
         None => search.minimum(search.first(start)?, tolerances::KKT),
     };
     let residual = best.residual_norm;
@@ -144,8 +148,10 @@ impl Search<'_> {
             let enough = (BEYOND * missing).clamp(tolerances::KKT, BEYOND * BEYOND);
             let Some(found) = self.coarse_minimum(coarse, &best, enough) else { break };
             let z = mixed.next(&best.z, found);
-            let next = self.iterate(self.state_at(&z, best.state.steps + 1), z);
-            let Ok(to_surface) = problem.least(&next.normals, &problem.deficits(&next.state)) else { break };
+            let next = self.iterate(self.unmeasured(&z, best.state.steps + 1), z);
+            let volumes = next.slopes.iter().map(|slope| slope.rough_volume);
+            let deficits: Vec<f64> = problem.goals.targets.iter().zip(volumes).map(|(t, v)| t - v).collect();
+            let Ok(to_surface) = problem.least(&next.normals, &deficits) else { break };
             let off = problem.metric.residual(&to_surface) / problem.extent;
             let still_missing = next.residual_norm.max(off);
             let is_nearer = still_missing <= 0.5 * missing;
@@ -176,15 +182,12 @@ impl Search<'_> {
         let plain = problem.standing_for(&coarse.solid, &coarse.binding, &coarse.posed, level);
         let there = Search { problem: &plain }.state_at(&at.z, 0);
         let mut tilt = Tilt { offset: Vec::new(), slope: Vec::new() };
-        for ((fine, coarse), (fine_volume, coarse_volume)) in at
-            .slopes
-            .iter()
-            .zip(plain.slopes(&there))
-            .zip(problem.goal_volumes(&at.state).into_iter().zip(plain.goal_volumes(&there)))
+        for ((fine, coarse), coarse_volume) in
+            at.slopes.iter().zip(plain.slopes(&there)).zip(plain.goal_volumes(&there))
         {
             let slope: Vec<DVec3> = fine.controls.iter().zip(&coarse.controls).map(|(f, c)| *f - *c).collect();
             let linear: f64 = slope.iter().zip(&at.state.displacement).map(|(s, d)| s.dot(*d)).sum();
-            tilt.offset.push(fine_volume - coarse_volume - linear);
+            tilt.offset.push(fine.rough_volume - coarse_volume - linear);
             tilt.slope.push(slope);
         }
         let tilted = problem.standing_for(&coarse.solid, &coarse.binding, &coarse.posed, tilt);
@@ -213,10 +216,15 @@ impl Search<'_> {
 
     /// The pose of z.
     fn state_at(&self, z: &[f64], steps: usize) -> State {
+        self.problem.measured(self.unmeasured(z, steps))
+    }
+
+    /// The pose of z, its volumes not measured.
+    fn unmeasured(&self, z: &[f64], steps: usize) -> State {
         let problem = self.problem;
         let displacement = problem.metric.displacement(z);
         let vertices = Arc::new(problem.binding.displaced(&problem.posed, &displacement));
-        let volumes = problem.solid.volumes(&vertices);
+        let volumes = Volumes { total: f64::NAN, components: Vec::new() };
         State { displacement, vertices, volumes, steps }
     }
 
