@@ -280,7 +280,7 @@ struct Pulls {
 
 impl<'a> Surface<'a> {
     fn of(problem: &'a Problem, state: &State, axes: usize) -> Self {
-        let gradients = problem.goals.gradients(problem.solid, &state.vertices);
+        let gradients = problem.gradients(&state.vertices);
         let spread_of = |goal| gradients.spread_and_rough_volume(goal, &state.vertices).0;
         let spread = (0..problem.goals.len()).map(spread_of).collect();
         Self { gradients, spread, pulls: (0..axes).map(|_| None).collect() }

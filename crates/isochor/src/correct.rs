@@ -30,7 +30,7 @@ use glam::DVec3;
 use crate::axes::Axis;
 use crate::binding::{Binding, moved};
 use crate::energy::Energy;
-use crate::goals::{Components, GoalFault, Goals, VolumeGoal};
+use crate::goals::{Components, GoalFault, Goals, Gradients, Spare, VolumeGoal};
 use crate::mesh::Bounds;
 use crate::metric::{Factors, Metric};
 use crate::points::{PointRows, PointTarget};
@@ -563,7 +563,7 @@ impl<'a> Corrector<'a> {
         let goals = goals.of(solid);
         let points = &wanted.points[..];
         let rows = (!points.is_empty()).then(|| PointRows::new(points, &self.metric));
-        let tilt = None;
+        let (tilt, spare) = (None, Spare::default());
         Ok(Problem {
             solid,
             binding,
@@ -578,6 +578,7 @@ impl<'a> Corrector<'a> {
             volumes,
             extent,
             tilt,
+            spare,
         })
     }
 }
@@ -641,6 +642,7 @@ pub(crate) struct Problem<'a> {
     pub(crate) extent: f64,
     /// What is added to the volumes, where another body stands for the one that is meant.
     tilt: Option<Tilt>,
+    spare: Spare,
 }
 
 /// A linear function of the displacement, added to each goal's volume.
@@ -764,6 +766,7 @@ impl<'a> Problem<'a> {
             order: None,
             extent: self.extent,
             tilt: Some(tilt),
+            spare: Spare::default(),
         }
     }
 
@@ -905,9 +908,14 @@ impl<'a> Problem<'a> {
         state
     }
 
+    /// ∂V/∂P of each goal at a pose.
+    pub(crate) fn gradients(&self, points: &[DVec3]) -> Gradients<'_> {
+        self.goals.gradients(self.solid, points, &self.spare)
+    }
+
     /// ∇V of each goal (#goals).
     pub(crate) fn slopes(&self, state: &State) -> Vec<Slope> {
-        let gradients = self.goals.gradients(self.solid, &state.vertices);
+        let gradients = self.gradients(&state.vertices);
         parallel::map(self.goals.len(), |goal| {
             let mut controls = gradients.adjoint(goal, self.binding);
             if let Some(tilt) = &self.tilt {
@@ -989,7 +997,7 @@ impl<'a> Problem<'a> {
     /// `state` with some coordinates that the correction moved rounded up or down by one unit in the last place, such that
     /// the deficits shrink: the largest effects first, where a vertex concerns one goal only.
     fn rounded_otherwise(&self, state: &State, deficits: &[f64]) -> State {
-        let gradients = self.goals.gradients(self.solid, &state.vertices);
+        let gradients = self.gradients(&state.vertices);
         let of_goals: Vec<Vec<(usize, DVec3)>> =
             (0..self.goals.len()).map(|goal| gradients.of_vertices(goal)).collect();
         let moved = |v: usize, a: usize| state.vertices[v][a] != self.posed[v][a];

@@ -3,6 +3,8 @@
 //! A goal is a signed volume for a set of components. Goals are linear in the components' volumes, so goals that follow from others
 //! (the whole and all of its parts) are found by elimination before anything moves: they agree, or they contradict.
 
+use std::sync::Mutex;
+
 use glam::DVec3;
 
 use crate::binding::Binding;
@@ -79,11 +81,34 @@ pub(crate) struct Goals {
 }
 
 /// ∂V/∂P of each goal at a pose.
-pub(crate) enum Gradients<'a> {
-    /// One after the other (#goals × #vertices × 3).
-    Each(Vec<Vec<DVec3>>),
-    /// That of the whole body (#vertices × 3), and the vertices that count for each goal: of many goals each costs what its vertices cost.
-    Shared(Vec<DVec3>, &'a [Vec<u32>]),
+pub(crate) struct Gradients<'a> {
+    /// One after the other (#goals × #vertices × 3); that of the whole body alone where there are `vertices`.
+    arrays: Vec<Vec<DVec3>>,
+    /// The vertices that count for each goal: of many goals each costs what its vertices cost.
+    vertices: Option<&'a [Vec<u32>]>,
+    spare: &'a Spare,
+}
+
+/// Memory of gradients that are no longer needed, for those to come: fresh memory of a large mesh costs as much as a sweep over it.
+#[derive(Debug, Default)]
+pub(crate) struct Spare(Mutex<Vec<Vec<DVec3>>>);
+
+impl Spare {
+    fn taken(&self) -> Vec<DVec3> {
+        self.0.lock().ok().and_then(|mut arrays| arrays.pop()).unwrap_or_default()
+    }
+
+    fn keep(&self, array: Vec<DVec3>) {
+        if let Ok(mut arrays) = self.0.lock() {
+            arrays.push(array);
+        }
+    }
+}
+
+impl Drop for Gradients<'_> {
+    fn drop(&mut self) {
+        self.arrays.drain(..).for_each(|array| self.spare.keep(array));
+    }
 }
 
 impl Goals {
@@ -165,21 +190,22 @@ impl Goals {
         self.members.iter().map(sum).collect()
     }
 
-    /// ∂V/∂P of each goal at a pose.
-    pub(crate) fn gradients(&self, solid: &Solid, points: &[DVec3]) -> Gradients<'_> {
-        match &self.vertices {
-            Some(vertices) => Gradients::Shared(solid.volume_gradient(points), vertices),
-            None => Gradients::Each((0..self.len()).map(|goal| self.vertex_gradient(goal, solid, points)).collect()),
-        }
-    }
-
-    /// ∂V_goal/∂P (#vertices × 3) at a pose.
-    pub(crate) fn vertex_gradient(&self, goal: usize, solid: &Solid, points: &[DVec3]) -> Vec<DVec3> {
-        if self.members[goal].iter().all(|member| *member) {
-            return solid.volume_gradient(points);
-        }
-        let weights: Vec<f64> = self.members[goal].iter().map(|member| f64::from(u8::from(*member))).collect();
-        solid.weighted_gradient(points, &weights)
+    /// ∂V/∂P of each goal at a pose, in the memory of `spare`.
+    pub(crate) fn gradients<'a>(&'a self, solid: &Solid, points: &[DVec3], spare: &'a Spare) -> Gradients<'a> {
+        let filled = |weights: Option<&[f64]>| {
+            let mut array = spare.taken();
+            solid.gradient_into(points, weights, &mut array);
+            array
+        };
+        let of_goal = |members: &Vec<bool>| match members.iter().all(|member| *member) {
+            true => filled(None),
+            false => filled(Some(&members.iter().map(|member| f64::from(u8::from(*member))).collect::<Vec<_>>())),
+        };
+        let arrays = match &self.vertices {
+            Some(_) => vec![filled(None)],
+            None => self.members.iter().map(of_goal).collect(),
+        };
+        Gradients { arrays, vertices: self.vertices.as_deref(), spare }
     }
 
     /// `Σ_goals factor · ∇²V_goal q` (#vertices × 3) at a pose along q (#vertices × 3), for one factor per goal.
@@ -193,14 +219,19 @@ impl Goals {
 }
 
 impl Gradients<'_> {
+    /// That of a goal (#vertices × 3), where each has its own.
+    pub(crate) fn of(&self, goal: usize) -> &[DVec3] {
+        &self.arrays[goal]
+    }
+
     /// Of a goal at the pose `points`: Σ |∂V/∂p|₁ over the vertices, about the area of its surface and the scale on which its ∇V is rounded;
     /// and its volume, `Σ ∂V/∂p · p / 3`, with the rounding of a plain sum.
     pub(crate) fn spread_and_rough_volume(&self, goal: usize, points: &[DVec3]) -> (f64, f64) {
         let add = |(spread, products): (DVec3, DVec3), (g, p): (DVec3, DVec3)| (spread + g.abs(), products + g * p);
         let none = (DVec3::ZERO, DVec3::ZERO);
-        let (spread, products) = match self {
-            Self::Each(gradients) => {
-                let gradient = &gradients[goal];
+        let (spread, products) = match self.vertices {
+            None => {
+                let gradient = &self.arrays[goal];
                 let of = |range: std::ops::Range<usize>| {
                     let pairs = gradient[range.clone()].iter().copied().zip(points[range].iter().copied());
                     pairs.fold(none, add)
@@ -208,8 +239,8 @@ impl Gradients<'_> {
                 let parts = parallel::map_chunks(gradient.len(), parallel::CHUNK, of);
                 parts.into_iter().fold(none, |sum, part| (sum.0 + part.0, sum.1 + part.1))
             }
-            Self::Shared(gradient, vertices) => {
-                let pair = |v: &u32| (gradient[*v as usize], points[*v as usize]);
+            Some(vertices) => {
+                let pair = |v: &u32| (self.arrays[0][*v as usize], points[*v as usize]);
                 vertices[goal].iter().map(pair).fold(none, add)
             }
         };
@@ -218,30 +249,28 @@ impl Gradients<'_> {
 
     /// ∇V of a goal (#controls × 3).
     pub(crate) fn adjoint(&self, goal: usize, binding: &Binding) -> Vec<DVec3> {
-        match self {
-            Self::Each(gradients) => binding.adjoint(&gradients[goal]),
-            Self::Shared(gradient, vertices) => binding.adjoint_among(&vertices[goal], |v| gradient[v]),
+        match self.vertices {
+            None => binding.adjoint(&self.arrays[goal]),
+            Some(vertices) => binding.adjoint_among(&vertices[goal], |v| self.arrays[0][v]),
         }
     }
 
     /// ∇V of a goal along `direction` (#controls).
     pub(crate) fn adjoint_along(&self, goal: usize, binding: &Binding, direction: DVec3) -> Vec<f64> {
-        match self {
-            Self::Each(gradients) => {
-                let gradient = &gradients[goal];
+        match self.vertices {
+            None => {
+                let gradient = &self.arrays[goal];
                 binding.adjoint_scalar(&parallel::collect(gradient.len(), |v| gradient[v].dot(direction)))
             }
-            Self::Shared(gradient, vertices) => binding.adjoint_among(&vertices[goal], |v| gradient[v].dot(direction)),
+            Some(vertices) => binding.adjoint_among(&vertices[goal], |v| self.arrays[0][v].dot(direction)),
         }
     }
 
     /// The vertices on which a goal depends, with ∂V/∂p.
     pub(crate) fn of_vertices(&self, goal: usize) -> Vec<(usize, DVec3)> {
-        let all: Vec<(usize, DVec3)> = match self {
-            Self::Each(gradients) => gradients[goal].iter().copied().enumerate().collect(),
-            Self::Shared(gradient, vertices) => {
-                vertices[goal].iter().map(|v| (*v as usize, gradient[*v as usize])).collect()
-            }
+        let all: Vec<(usize, DVec3)> = match self.vertices {
+            None => self.arrays[goal].iter().copied().enumerate().collect(),
+            Some(vertices) => vertices[goal].iter().map(|v| (*v as usize, self.arrays[0][*v as usize])).collect(),
         };
         all.into_iter().filter(|(_, g)| *g != DVec3::ZERO).collect()
     }

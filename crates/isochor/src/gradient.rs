@@ -75,9 +75,9 @@ impl Line {
         /// Roundings in a term. More: true curvature is dropped; less: noise is kept.
         const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
         let d = &self.unit.vertices;
-        let g = problem.goals.vertex_gradient(0, problem.solid, d);
+        let g = problem.gradients(d);
         let significant = |(sum, magnitude): (f64, f64)| if sum.abs() <= ROUNDINGS * magnitude { 0.0 } else { sum };
-        let [with_x, with_d] = products_and_magnitudes(&g, [&state.vertices, d]).map(significant);
+        let [with_x, with_d] = products_and_magnitudes(g.of(0), [&state.vertices, d]).map(significant);
         Cubic { a1: self.slope, a2: with_x, a3: with_d / 3.0 }
     }
 }
