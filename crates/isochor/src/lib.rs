@@ -131,7 +131,7 @@ pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
-pub use outcome::{JobError, JobInput, Outcome, PosedLattice, Stage};
+pub use outcome::{Course, JobError, JobInput, Outcome, PosedLattice, Stage};
 pub use points::{PointError, PointTarget, least_displacement};
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use preview::Preview;

@@ -99,10 +99,29 @@ pub struct Outcome {
 #[derive(Clone, Debug)]
 struct Deformation {
     lattice: Lattice,
+    /// C − C⁰ (#controls × 3): what the edits did.
+    posed: Vec<DVec3>,
     /// C + δ − C⁰ (#controls × 3).
     displacement: Vec<DVec3>,
     outside: Outside,
     rest_points: Vec<DVec3>,
+    /// What to add to positions here to have model coordinates.
+    origin: DVec3,
+    /// C⁰ (#controls × 3).
+    rest_controls: Vec<DVec3>,
+}
+
+/// The model between rest and result: what pictures show of a job beside both.
+#[derive(Clone, Debug, PartialEq)]
+pub struct Course {
+    /// Points after the edits, before the correction (#vertices × 3), model coordinates.
+    pub posed: Vec<DVec3>,
+    /// Control points then (#controls × 3), model coordinates.
+    pub posed_controls: Vec<DVec3>,
+    /// det ∂(posed)/∂(rest) at each vertex (#vertices): by what factor the volume of a small piece changed.
+    pub posed_change: Vec<f64>,
+    /// det ∂(corrected)/∂(rest) at each vertex (#vertices).
+    pub corrected_change: Vec<f64>,
 }
 
 /// Why a job gives no result.
@@ -434,7 +453,8 @@ impl Job {
         for (index, edit) in self.edit.iter().enumerate() {
             edit.apply(&mut posed, &space).map_err(|source| JobError::Edit { index, source })?;
         }
-        let mut displacement: Vec<DVec3> = posed.iter().zip(&controls.rest).map(|(p, r)| *p - *r).collect();
+        let edited: Vec<DVec3> = posed.iter().zip(&controls.rest).map(|(p, r)| *p - *r).collect();
+        let mut displacement = edited.clone();
         let mut points = displaced(&rest_points, &binding.apply(&displacement));
         watch.lap(Stage::Deform.name());
 
@@ -527,7 +547,15 @@ impl Job {
             controls: Some(saved),
             report: report(volume, correction, warnings, watch),
             body: kept,
-            deformation: Some(Deformation { lattice: controls.lattice, displacement, outside, rest_points }),
+            deformation: Some(Deformation {
+                lattice: controls.lattice,
+                posed: edited,
+                displacement,
+                outside,
+                rest_points,
+                origin,
+                rest_controls: controls.rest,
+            }),
         })
     }
 
@@ -650,6 +678,23 @@ impl Outcome {
     pub fn jacobians(&self) -> Option<Vec<DMat3>> {
         let d = self.deformation.as_ref()?;
         Some(d.lattice.jacobians(&d.rest_points, &d.displacement, d.outside))
+    }
+
+    /// The model between rest and result. `None` where the job deformed nothing.
+    #[must_use]
+    pub fn course(&self) -> Option<Course> {
+        let d = self.deformation.as_ref()?;
+        let determinants = |displacement: &[DVec3]| {
+            let jacobians = d.lattice.jacobians(&d.rest_points, displacement, d.outside);
+            jacobians.iter().map(DMat3::determinant).collect()
+        };
+        let binding = d.lattice.bind(&d.rest_points, d.outside).ok()?; // it was bound before
+        Some(Course {
+            posed: translated(&binding.displaced(&d.rest_points, &d.posed), d.origin),
+            posed_controls: translated(&displaced(&d.rest_controls, &d.posed), d.origin),
+            posed_change: determinants(&d.posed),
+            corrected_change: determinants(&d.displacement),
+        })
     }
 
     /// Adds to the report what volume the *written* points have (#vertices × 3, model coordinates, as rounded to the

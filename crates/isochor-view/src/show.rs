@@ -1,0 +1,76 @@
+//! What is shown: poses of one model, side by side or one after the other.
+
+use std::borrow::Cow;
+
+use glam::DVec3;
+use isochor::{Course, Faces, Mesh, Outcome};
+
+/// Poses of one model.
+#[derive(Clone, Debug)]
+pub struct Show<'a> {
+    /// The faces of all poses, counter-clockwise seen from outside where volumes are positive.
+    pub faces: &'a Faces,
+    /// The poses, in the order in which they are shown. At least one.
+    pub poses: Vec<ShownPose<'a>>,
+}
+
+/// A pose and what is said of it.
+#[derive(Clone, Debug)]
+pub struct ShownPose<'a> {
+    /// Such as "rest", "deformed", "corrected".
+    pub name: String,
+    /// Positions (#vertices × 3), model coordinates.
+    pub points: Cow<'a, [DVec3]>,
+    /// The control points, where a lattice deforms the model.
+    pub lattice: Option<ShownLattice<'a>>,
+    /// The volume of the pose, outward orientation; none where the model bounds no body.
+    pub volume: Option<f64>,
+    /// Local volume change against rest (#vertices): 1 where a small piece keeps its volume, 0.5 where half of it is left.
+    pub volume_change: Option<Cow<'a, [f64]>>,
+}
+
+/// The control points of a lattice.
+#[derive(Clone, Debug)]
+pub struct ShownLattice<'a> {
+    /// Control points along u, v, w. Flat index: `(i · size[1] + j) · size[2] + k`.
+    pub size: [usize; 3],
+    /// Positions (#controls × 3), model coordinates.
+    pub controls: Cow<'a, [DVec3]>,
+}
+
+impl<'a> Show<'a> {
+    /// A job's model at rest, deformed, and corrected. Without deformation: at rest alone; without correction: no third pose.
+    #[must_use]
+    pub fn of_job(mesh: &'a Mesh, outcome: &'a Outcome, course: Option<&'a Course>) -> Self {
+        let row = outcome.report.volume.as_ref().map(|volume| volume.overall);
+        let rest = ShownPose {
+            name: "rest".into(),
+            points: mesh.points().into(),
+            lattice: None,
+            volume: row.map(|row| row.rest),
+            volume_change: None,
+        };
+        let mut show = Self { faces: mesh.faces(), poses: vec![rest] };
+        let (Some(course), Some(controls)) = (course, &outcome.controls) else { return show };
+        let size = controls.lattice.size();
+        let lattice = |controls: &'a [DVec3]| Some(ShownLattice { size, controls: controls.into() });
+        show.poses[0].lattice = lattice(&controls.rest);
+        show.poses.push(ShownPose {
+            name: "deformed".into(),
+            points: (&course.posed[..]).into(),
+            lattice: lattice(&course.posed_controls),
+            volume: row.map(|row| row.posed),
+            volume_change: Some((&course.posed_change[..]).into()),
+        });
+        if outcome.report.correction.method != "none" {
+            show.poses.push(ShownPose {
+                name: "corrected".into(),
+                points: (&outcome.points[..]).into(),
+                lattice: lattice(&controls.posed),
+                volume: row.map(|row| row.corrected),
+                volume_change: Some((&course.corrected_change[..]).into()),
+            });
+        }
+        show
+    }
+}
