@@ -12,9 +12,11 @@
 //!   and its share goes to the others. Dividing by its vanishing Σ α² would send controls to infinity. A *weak* direction, on
 //!   which the volume depends by little more than the rounding of a file's 32-bit floats, is used only where there is no other.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DVec3};
 
-use crate::correct::{CorrectError, Problem, Reason, State, Step};
+use crate::correct::{CorrectError, Problem, Reason, Slope, State, Step};
 use crate::goals::Gradients;
 use crate::metric::{AxisMetric, Factors, Metric};
 use crate::parallel;
@@ -242,10 +244,9 @@ impl Plan {
 /// What displacements `delta` (#controls) along an axis do.
 fn step_of(problem: &Problem, axis: &Axis, delta: &[f64]) -> Step {
     let shift = problem.binding.apply_scalar(delta);
-    Step {
-        controls: delta.iter().map(|d| axis.direction * *d).collect(),
-        vertices: parallel::collect(shift.len(), |v| axis.direction * shift[v]),
-    }
+    let mut vertices = problem.spare.array();
+    parallel::fill(vertices.memory(), shift.len(), |v| axis.direction * shift[v]);
+    Step { controls: delta.iter().map(|d| axis.direction * *d).collect(), vertices }
 }
 
 /// How much a volume depends on an axis.
@@ -260,12 +261,19 @@ enum Strength {
 
 /// How the volumes depend on the surface as it stands.
 struct Surface<'a> {
-    /// ∂V/∂P of each goal.
-    gradients: Gradients<'a>,
+    slopes: Slopes<'a>,
     /// Σ |∂V/∂p|₁ of each.
     spread: Vec<f64>,
     /// How they depend on displacements along each axis, once that was asked for.
     pulls: Vec<Option<Pulls>>,
+}
+
+/// From where dependences on displacements come.
+enum Slopes<'a> {
+    /// ∇V of the only goal.
+    Known(Arc<Slope>),
+    /// ∂V/∂P of each goal.
+    OfVertices(Gradients<'a>),
 }
 
 /// How the volumes depend on displacements along an axis.
@@ -280,10 +288,16 @@ struct Pulls {
 
 impl<'a> Surface<'a> {
     fn of(problem: &'a Problem, state: &State, axes: usize) -> Self {
-        let gradients = problem.gradients(&state.vertices);
-        let spread_of = |goal| gradients.spread_and_rough_volume(goal, &state.vertices).0;
-        let spread = (0..problem.goals.len()).map(spread_of).collect();
-        Self { gradients, spread, pulls: (0..axes).map(|_| None).collect() }
+        let (slopes, spread) = match &state.slope {
+            Some(slope) => (Slopes::Known(Arc::clone(slope)), vec![slope.spread]),
+            None => {
+                let gradients = problem.gradients(state);
+                let spread_of = |goal| gradients.spread_and_rough_volume(goal, &state.vertices).0;
+                let spread = (0..problem.goals.len()).map(spread_of).collect();
+                (Slopes::OfVertices(gradients), spread)
+            }
+        };
+        Self { slopes, spread, pulls: (0..axes).map(|_| None).collect() }
     }
 
     /// Finds how the volumes depend on axis `k`, unless that is known.
@@ -292,8 +306,9 @@ impl<'a> Surface<'a> {
             return;
         }
         // HB (10)–(12)
-        let alphas: Vec<Vec<f64>> = parallel::map(problem.goals.len(), |goal| {
-            self.gradients.adjoint_along(goal, problem.binding, axis.direction)
+        let alphas: Vec<Vec<f64>> = parallel::map(problem.goals.len(), |goal| match &self.slopes {
+            Slopes::Known(slope) => slope.controls.iter().map(|c| c.dot(axis.direction)).collect(),
+            Slopes::OfVertices(gradients) => gradients.adjoint_along(goal, problem.binding, axis.direction),
         });
         let pulled = |alpha: &Vec<f64>| {
             let mut pulled = axis.metric.pulled(alpha);

@@ -150,8 +150,13 @@ impl Binding {
     #[must_use]
     pub fn apply(&self, c: &[DVec3]) -> Vec<DVec3> {
         let mut product = Vec::new();
-        self.product(c, &mut product, |_, d| d);
+        self.apply_into(c, &mut product);
         product
+    }
+
+    /// [`Binding::apply`] in the memory of `out`.
+    pub(crate) fn apply_into(&self, c: &[DVec3], out: &mut Vec<DVec3>) {
+        self.product(c, out, |_, d| d);
     }
 
     /// `points + W c` (#vertices × 3) in one go: [`displaced`] by [`Binding::apply`], with the same bits.
@@ -425,25 +430,37 @@ impl Binding {
         let controls = self.control_count();
         // Partial sums over fixed parts of the vertices, each part at least as long as the sums themselves.
         let part = parallel::CHUNK.max(g.len().div_ceil(PARTS)).max(controls);
-        let level = Level::new();
-        let sums = parallel::map_chunks(g.len(), part, |range| {
-            if self.is_cubic() {
-                return dispatch!(level, simd => self.cubic_transposed_product(simd, range, g));
-            }
-            let mut sum = vec![T::default(); controls];
-            for v in range {
-                self.for_each_line(v, |first, w, along_w| {
-                    let term = g[v] * w;
-                    for (x, s) in along_w.iter().zip(&mut sum[first..first + along_w.len()]) {
-                        *s += term * *x;
-                    }
-                });
-            }
-            sum
-        });
-        let mut total = vec![T::default(); controls];
-        for sum in sums {
-            for (t, s) in total.iter_mut().zip(sum) {
+        let sums = parallel::map_chunks(g.len(), part, |range| self.part_of_transposed(range.clone(), &g[range]));
+        self.sum_of_parts(sums)
+    }
+
+    /// What some vertices, with their `g`, add to `Wᵀ g` (#controls).
+    fn part_of_transposed<T: Entry<D>, const D: usize>(&self, vertices: Range<usize>, g: &[T]) -> Vec<T> {
+        if self.is_cubic() {
+            return dispatch!(Level::new(), simd => self.cubic_transposed_product(simd, vertices, g));
+        }
+        let mut sum = vec![T::default(); self.control_count()];
+        for (v, g) in vertices.zip(g) {
+            self.for_each_line(v, |first, w, along_w| {
+                let term = *g * w;
+                for (x, s) in along_w.iter().zip(&mut sum[first..first + along_w.len()]) {
+                    *s += term * *x;
+                }
+            });
+        }
+        sum
+    }
+
+    /// [`Binding::adjoint`] of some vertices alone, with their `g`: a part of the whole (#controls × 3).
+    pub(crate) fn part_of_adjoint(&self, vertices: Range<usize>, g: &[DVec3]) -> Vec<DVec3> {
+        self.part_of_transposed(vertices, g)
+    }
+
+    /// The whole of parts.
+    pub(crate) fn sum_of_parts<T: Copy + Default + AddAssign>(&self, parts: Vec<Vec<T>>) -> Vec<T> {
+        let mut total = vec![T::default(); self.control_count()];
+        for part in parts {
+            for (t, s) in total.iter_mut().zip(part) {
                 *t += s;
             }
         }
@@ -459,7 +476,6 @@ impl Binding {
     ) -> Vec<T> {
         let mut planes: [Vec<f64>; D] = std::array::from_fn(|_| vec![0.0; self.control_count()]);
         let (rows, _) = self.rows[CUBIC * vertices.start..CUBIC * vertices.end].as_chunks::<CUBIC>();
-        let g = &g[vertices.clone()];
         let mut v = 0;
         for run in self.starts[vertices].chunk_by(|a, b| a == b) {
             let end = v + run.len();

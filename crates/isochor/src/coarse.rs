@@ -11,6 +11,7 @@ use glam::DVec3;
 use crate::binding::Binding;
 use crate::mesh::Bounds;
 use crate::parallel;
+use crate::spare::Array;
 use crate::volume::Solid;
 
 /// Vertices below which a body is its own stand-in. More: medium models take longer than they need; fewer: the stand-in is hardly
@@ -24,7 +25,7 @@ const CELLS: usize = 32;
 pub(crate) struct Coarse {
     pub(crate) solid: Solid,
     pub(crate) binding: Binding,
-    pub(crate) posed: Arc<Vec<DVec3>>,
+    pub(crate) posed: Arc<Array>,
 }
 
 impl Coarse {
@@ -37,7 +38,7 @@ impl Coarse {
         Some(Self {
             solid: solid.clustered(&cluster_of, representatives.len()),
             binding: binding.rows_of(&representatives),
-            posed: Arc::new(representatives.iter().map(|v| posed[*v as usize]).collect()),
+            posed: Arc::new(Array::of(representatives.iter().map(|v| posed[*v as usize]).collect())),
         })
     }
 }

@@ -30,14 +30,15 @@ use glam::DVec3;
 use crate::axes::Axis;
 use crate::binding::{Binding, moved};
 use crate::energy::Energy;
-use crate::goals::{Components, GoalFault, Goals, Gradients, Spare, VolumeGoal};
+use crate::goals::{Components, GoalFault, Goals, Gradients, VolumeGoal};
 use crate::mesh::Bounds;
 use crate::metric::{Factors, Metric};
 use crate::points::{PointRows, PointTarget};
 use crate::rows::{Missed, Rows, norm};
 use crate::sensitivity::Sensitivity;
+use crate::spare::{Array, Spare};
 use crate::tolerances;
-use crate::volume::{Solid, Volumes};
+use crate::volume::{Solid, Volumes, spread_and_products};
 use crate::{axes, coarse, gradient, nearest, order, parallel};
 
 /// A posed model: what is to be corrected.
@@ -375,6 +376,7 @@ pub struct Corrector<'a> {
     way: Way,
     metric: Metric,
     is_movable: bool,
+    spare: Spare,
 }
 
 /// Another order of the vertices.
@@ -446,7 +448,7 @@ impl<'a> Corrector<'a> {
         };
         let is_movable = mobility.iter().any(|m| *m != DVec3::ZERO);
         let (solid, binding) = (Cow::Borrowed(solid), Cow::Borrowed(binding));
-        Ok(Self { solid, binding, order: None, way, metric, is_movable })
+        Ok(Self { solid, binding, order: None, way, metric, is_movable, spare: Spare::default() })
     }
 
     /// Corrects the posed vertices (#vertices × 3) to what is wanted.
@@ -531,24 +533,31 @@ impl<'a> Corrector<'a> {
                 return Err(CorrectError::Point { point, what: "its numbers must be finite".into() });
             }
         }
-        let (origin, extent) = match Bounds::of(posed) {
-            Some(bounds) if bounds.is_finite() => (bounds.lossless_origin(), bounds.extent()),
-            Some(_) => {
-                let vertex = posed.iter().position(|p| !p.is_finite()).unwrap_or_default();
-                return Err(CorrectError::NotFinite { vertex, position: posed[vertex] });
-            }
-            None => (DVec3::ZERO, 0.0),
-        };
         let order = self.order.as_ref();
-        let posed =
-            parallel::collect(posed.len(), |i| posed[order.map_or(i, |order| order.vertices[i] as usize)] - origin);
+        let vertex = |i: usize| order.map_or(i, |order| order.vertices[i] as usize);
+        let mut near = self.spare.array();
+        let bounds = Bounds::filled(near.memory(), posed.len(), |i| posed[vertex(i)]);
+        if !bounds.is_none_or(|bounds| bounds.is_finite()) {
+            let vertex = posed.iter().position(|p| !p.is_finite()).unwrap_or_default();
+            return Err(CorrectError::NotFinite { vertex, position: posed[vertex] });
+        }
+        let (origin, extent) = bounds.map_or((DVec3::ZERO, 0.0), |bounds| (bounds.lossless_origin(), bounds.extent()));
+        if origin != DVec3::ZERO {
+            parallel::fill(near.memory(), posed.len(), |i| posed[vertex(i)] - origin);
+        }
+        let posed = near;
         if let Some(pair) = solid.torn_vertices(&posed) {
-            let [a, b] = pair.map(|v| order.map_or(v, |order| order.vertices[v as usize]));
+            let [a, b] = pair.map(|v| vertex(v as usize) as u32);
             return Err(CorrectError::Torn { a: a.min(b), b: a.max(b) });
         }
-        let volumes = solid.volumes(&posed);
+        let goals = Goals::new(&wanted.volumes, solid.component_count());
+        let is_whole = goals.as_ref().is_ok_and(Goals::is_whole);
+        let (volumes, slope) = match is_whole.then(|| Slope::with_volumes(solid, binding, &posed)).flatten() {
+            Some((volumes, slope)) => (volumes, Some(Arc::new(slope))),
+            None => (solid.volumes(&posed), None),
+        };
         let posed = Arc::new(posed);
-        let goals = Goals::new(&wanted.volumes, solid.component_count()).map_err(|fault| match fault {
+        let goals = goals.map_err(|fault| match fault {
             GoalFault::Missing { goal, component } => {
                 CorrectError::MissingComponent { goal, component, components: solid.component_count() }
             }
@@ -563,7 +572,6 @@ impl<'a> Corrector<'a> {
         let goals = goals.of(solid);
         let points = &wanted.points[..];
         let rows = (!points.is_empty()).then(|| PointRows::new(points, &self.metric));
-        let (tilt, spare) = (None, Spare::default());
         Ok(Problem {
             solid,
             binding,
@@ -576,9 +584,10 @@ impl<'a> Corrector<'a> {
             origin,
             order,
             volumes,
+            slope,
             extent,
-            tilt,
-            spare,
+            tilt: None,
+            spare: self.spare.clone(),
         })
     }
 }
@@ -632,17 +641,19 @@ pub(crate) struct Problem<'a> {
     /// What moves a point, where there are points.
     pub(crate) rows: Option<PointRows>,
     /// The posed vertices (#vertices × 3), relative to `origin`.
-    pub(crate) posed: Arc<Vec<DVec3>>,
+    pub(crate) posed: Arc<Array>,
     origin: DVec3,
     /// The order of vertices here; `None`: as the caller has them.
     order: Option<&'a Order>,
     /// Of the posed vertices.
     volumes: Volumes,
+    /// Of the posed vertices, where the volume of the whole body is the only goal.
+    slope: Option<Arc<Slope>>,
     /// Of the posed vertices.
     pub(crate) extent: f64,
     /// What is added to the volumes, where another body stands for the one that is meant.
     tilt: Option<Tilt>,
-    spare: Spare,
+    pub(crate) spare: Spare,
 }
 
 /// A linear function of the displacement, added to each goal's volume.
@@ -659,19 +670,22 @@ pub(crate) struct State {
     /// δ so far (#controls × 3).
     pub(crate) displacement: Vec<DVec3>,
     /// X + W δ (#vertices × 3).
-    pub(crate) vertices: Arc<Vec<DVec3>>,
+    pub(crate) vertices: Arc<Array>,
     /// Its volumes.
     pub(crate) volumes: Volumes,
+    /// That of the only goal, where it is known.
+    pub(crate) slope: Option<Arc<Slope>>,
     pub(crate) steps: usize,
 }
 
 /// One exact step: a control displacement (#controls × 3) and what it does to the vertices (#vertices × 3).
 pub(crate) struct Step {
     pub(crate) controls: Vec<DVec3>,
-    pub(crate) vertices: Vec<DVec3>,
+    pub(crate) vertices: Array,
 }
 
 /// How a goal's volume depends on the controls at a state.
+#[derive(Clone, Debug)]
 pub(crate) struct Slope {
     /// ∇V (#controls × 3).
     pub(crate) controls: Vec<DVec3>,
@@ -679,6 +693,23 @@ pub(crate) struct Slope {
     pub(crate) spread: f64,
     /// V, with the rounding of a plain sum, and without what a [`Tilt`] adds.
     pub(crate) rough_volume: f64,
+}
+
+impl Slope {
+    /// Of the whole body at a pose, with its volumes: one sweep for both. `None` where that cannot be, or takes too much memory.
+    fn with_volumes(solid: &Solid, binding: &Binding, points: &[DVec3]) -> Option<(Volumes, Self)> {
+        // Partial sums, one per chunk of vertices, take no more memory than the vertices themselves.
+        if binding.control_count() > parallel::CHUNK {
+            return None;
+        }
+        let (volumes, parts) = solid.survey(points, |vertices, g| {
+            let sums = spread_and_products(g, &points[vertices.clone()]);
+            (sums, binding.part_of_adjoint(vertices, g))
+        })?;
+        let (sums, parts): (Vec<[f64; 2]>, Vec<Vec<DVec3>>) = parts.into_iter().unzip();
+        let [spread, products] = sums.iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]]);
+        Some((volumes, Self { controls: binding.sum_of_parts(parts), spread, rough_volume: products / 3.0 }))
+    }
 }
 
 /// The slopes of all goals in the metric.
@@ -699,11 +730,13 @@ impl State {
 
     /// This state after `t` times `step`, its volumes not yet measured.
     pub(crate) fn after_part(&self, step: &Step, t: f64) -> Self {
-        let vertex = |v: usize| moved(self.vertices[v], step.vertices[v] * t);
+        let mut vertices = step.vertices.spare().array();
+        parallel::fill(vertices.memory(), self.vertices.len(), |v| moved(self.vertices[v], step.vertices[v] * t));
         Self {
             displacement: self.displacement.iter().zip(&step.controls).map(|(d, by)| moved(*d, *by * t)).collect(),
-            vertices: Arc::new(parallel::collect(self.vertices.len(), vertex)),
+            vertices: Arc::new(vertices),
             volumes: self.volumes.clone(),
+            slope: None,
             steps: self.steps + 1,
         }
     }
@@ -741,7 +774,13 @@ impl<'a> Problem<'a> {
     /// The pose itself.
     fn posed_state(&self) -> State {
         let displacement = vec![DVec3::ZERO; self.binding.control_count()];
-        State { displacement, vertices: Arc::clone(&self.posed), volumes: self.volumes.clone(), steps: 0 }
+        State {
+            displacement,
+            vertices: Arc::clone(&self.posed),
+            volumes: self.volumes.clone(),
+            slope: self.slope.clone(),
+            steps: 0,
+        }
     }
 
     /// The same request for another body and binding with the volumes tilted.
@@ -749,7 +788,7 @@ impl<'a> Problem<'a> {
         &'b self,
         solid: &'b Solid,
         binding: &'b Binding,
-        posed: &Arc<Vec<DVec3>>,
+        posed: &Arc<Array>,
         tilt: Tilt,
     ) -> Problem<'b> {
         Problem {
@@ -764,9 +803,10 @@ impl<'a> Problem<'a> {
             posed: Arc::clone(posed),
             origin: self.origin,
             order: None,
+            slope: None,
             extent: self.extent,
             tilt: Some(tilt),
-            spare: Spare::default(),
+            spare: posed.spare().clone(),
         }
     }
 
@@ -898,7 +938,8 @@ impl<'a> Problem<'a> {
     /// What z (#unknowns) does.
     pub(crate) fn step(&self, z: &[f64]) -> Step {
         let controls = self.metric.displacement(z);
-        let vertices = self.binding.apply(&controls);
+        let mut vertices = self.spare.array();
+        self.binding.apply_into(&controls, vertices.memory());
         Step { controls, vertices }
     }
 
@@ -908,14 +949,17 @@ impl<'a> Problem<'a> {
         state
     }
 
-    /// ∂V/∂P of each goal at a pose.
-    pub(crate) fn gradients(&self, points: &[DVec3]) -> Gradients<'_> {
-        self.goals.gradients(self.solid, points, &self.spare)
+    /// ∂V/∂P of each goal at a state.
+    pub(crate) fn gradients(&self, state: &State) -> Gradients<'_> {
+        self.goals.gradients(self.solid, &state.vertices, &self.spare)
     }
 
     /// ∇V of each goal (#goals).
     pub(crate) fn slopes(&self, state: &State) -> Vec<Slope> {
-        let gradients = self.gradients(&state.vertices);
+        if let Some(slope) = &state.slope {
+            return vec![Slope::clone(slope)];
+        }
+        let gradients = self.gradients(state);
         parallel::map(self.goals.len(), |goal| {
             let mut controls = gradients.adjoint(goal, self.binding);
             if let Some(tilt) = &self.tilt {
@@ -997,7 +1041,7 @@ impl<'a> Problem<'a> {
     /// `state` with some coordinates that the correction moved rounded up or down by one unit in the last place, such that
     /// the deficits shrink: the largest effects first, where a vertex concerns one goal only.
     fn rounded_otherwise(&self, state: &State, deficits: &[f64]) -> State {
-        let gradients = self.gradients(&state.vertices);
+        let gradients = self.gradients(state);
         let of_goals: Vec<Vec<(usize, DVec3)>> =
             (0..self.goals.len()).map(|goal| gradients.of_vertices(goal)).collect();
         let moved = |v: usize, a: usize| state.vertices[v][a] != self.posed[v][a];
@@ -1005,7 +1049,8 @@ impl<'a> Problem<'a> {
         of_goals.iter().flatten().for_each(|(v, _)| concerns[*v] += 1);
         let is_free = |v: usize| !self.solid.has_twin(v) && concerns[v] == 1;
         let mut next = state.clone();
-        let vertices = Arc::make_mut(&mut next.vertices);
+        let vertices = Arc::make_mut(&mut next.vertices).memory();
+        next.slope = None;
         for (gradient, &deficit) in of_goals.iter().zip(deficits) {
             let mut units: Vec<(f64, usize, usize)> = gradient
                 .iter()

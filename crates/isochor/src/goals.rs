@@ -3,14 +3,15 @@
 //! A goal is a signed volume for a set of components. Goals are linear in the components' volumes, so goals that follow from others
 //! (the whole and all of its parts) are found by elimination before anything moves: they agree, or they contradict.
 
-use std::sync::Mutex;
+use std::ops::Range;
 
 use glam::DVec3;
 
 use crate::binding::Binding;
 use crate::parallel;
+use crate::spare::{Array, Spare};
 use crate::tolerances;
-use crate::volume::{Solid, Volumes};
+use crate::volume::{Solid, Volumes, spread_and_products};
 
 /// A wanted signed volume of the whole body or of some of its components together.
 #[derive(Clone, Debug, PartialEq)]
@@ -83,32 +84,9 @@ pub(crate) struct Goals {
 /// ∂V/∂P of each goal at a pose.
 pub(crate) struct Gradients<'a> {
     /// One after the other (#goals × #vertices × 3); that of the whole body alone where there are `vertices`.
-    arrays: Vec<Vec<DVec3>>,
+    arrays: Vec<Array>,
     /// The vertices that count for each goal: of many goals each costs what its vertices cost.
     vertices: Option<&'a [Vec<u32>]>,
-    spare: &'a Spare,
-}
-
-/// Memory of gradients that are no longer needed, for those to come: fresh memory of a large mesh costs as much as a sweep over it.
-#[derive(Debug, Default)]
-pub(crate) struct Spare(Mutex<Vec<Vec<DVec3>>>);
-
-impl Spare {
-    fn taken(&self) -> Vec<DVec3> {
-        self.0.lock().ok().and_then(|mut arrays| arrays.pop()).unwrap_or_default()
-    }
-
-    fn keep(&self, array: Vec<DVec3>) {
-        if let Ok(mut arrays) = self.0.lock() {
-            arrays.push(array);
-        }
-    }
-}
-
-impl Drop for Gradients<'_> {
-    fn drop(&mut self) {
-        self.arrays.drain(..).for_each(|array| self.spare.keep(array));
-    }
 }
 
 impl Goals {
@@ -181,6 +159,11 @@ impl Goals {
         self.targets.len()
     }
 
+    /// Whether a component counts for a goal.
+    pub(crate) fn counts(&self, goal: usize, component: usize) -> bool {
+        self.members[goal][component]
+    }
+
     /// The goals' volumes (#goals), of those of a pose.
     pub(crate) fn volumes(&self, volumes: &Volumes) -> Vec<f64> {
         let sum = |members: &Vec<bool>| match members.iter().all(|member| *member) {
@@ -190,11 +173,16 @@ impl Goals {
         self.members.iter().map(sum).collect()
     }
 
+    /// Whether the volume of the whole body is the only goal.
+    pub(crate) fn is_whole(&self) -> bool {
+        self.len() == 1 && self.members[0].iter().all(|member| *member)
+    }
+
     /// ∂V/∂P of each goal at a pose, in the memory of `spare`.
-    pub(crate) fn gradients<'a>(&'a self, solid: &Solid, points: &[DVec3], spare: &'a Spare) -> Gradients<'a> {
+    pub(crate) fn gradients(&self, solid: &Solid, points: &[DVec3], spare: &Spare) -> Gradients<'_> {
         let filled = |weights: Option<&[f64]>| {
-            let mut array = spare.taken();
-            solid.gradient_into(points, weights, &mut array);
+            let mut array = spare.array();
+            solid.gradient_into(points, weights, array.memory());
             array
         };
         let of_goal = |members: &Vec<bool>| match members.iter().all(|member| *member) {
@@ -205,7 +193,7 @@ impl Goals {
             Some(_) => vec![filled(None)],
             None => self.members.iter().map(of_goal).collect(),
         };
-        Gradients { arrays, vertices: self.vertices.as_deref(), spare }
+        Gradients { arrays, vertices: self.vertices.as_deref() }
     }
 
     /// `Σ_goals factor · ∇²V_goal q` (#vertices × 3) at a pose along q (#vertices × 3), for one factor per goal.
@@ -219,32 +207,23 @@ impl Goals {
 }
 
 impl Gradients<'_> {
-    /// That of a goal (#vertices × 3), where each has its own.
-    pub(crate) fn of(&self, goal: usize) -> &[DVec3] {
-        &self.arrays[goal]
-    }
-
     /// Of a goal at the pose `points`: Σ |∂V/∂p|₁ over the vertices, about the area of its surface and the scale on which its ∇V is rounded;
     /// and its volume, `Σ ∂V/∂p · p / 3`, with the rounding of a plain sum.
     pub(crate) fn spread_and_rough_volume(&self, goal: usize, points: &[DVec3]) -> (f64, f64) {
-        let add = |(spread, products): (DVec3, DVec3), (g, p): (DVec3, DVec3)| (spread + g.abs(), products + g * p);
-        let none = (DVec3::ZERO, DVec3::ZERO);
-        let (spread, products) = match self.vertices {
+        let [spread, products] = match self.vertices {
             None => {
                 let gradient = &self.arrays[goal];
-                let of = |range: std::ops::Range<usize>| {
-                    let pairs = gradient[range.clone()].iter().copied().zip(points[range].iter().copied());
-                    pairs.fold(none, add)
-                };
+                let of = |range: Range<usize>| spread_and_products(&gradient[range.clone()], &points[range]);
                 let parts = parallel::map_chunks(gradient.len(), parallel::CHUNK, of);
-                parts.into_iter().fold(none, |sum, part| (sum.0 + part.0, sum.1 + part.1))
+                parts.into_iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]])
             }
             Some(vertices) => {
                 let pair = |v: &u32| (self.arrays[0][*v as usize], points[*v as usize]);
-                vertices[goal].iter().map(pair).fold(none, add)
+                let (g, p): (Vec<DVec3>, Vec<DVec3>) = vertices[goal].iter().map(pair).unzip();
+                spread_and_products(&g, &p)
             }
         };
-        (spread.element_sum(), products.element_sum() / 3.0)
+        (spread, products / 3.0)
     }
 
     /// ∇V of a goal (#controls × 3).

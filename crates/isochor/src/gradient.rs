@@ -9,14 +9,10 @@
 //! The root is the one that is reached from t = 0 without the volume turning back on the way. Several volumes at once go along all
 //! their gradients, `Σ t_c D_c`: coupled polynomials, followed from t = 0 in the same way.
 
-use std::ops::Range;
-
 use faer::linalg::solvers::Solve;
 use faer::{Mat, MatRef};
-use glam::DVec3;
 
 use crate::correct::{CorrectError, Problem, Reason, State, Step};
-use crate::parallel;
 use crate::rows::{add, dot, norm};
 use crate::tolerances;
 
@@ -74,38 +70,11 @@ impl Line {
     fn cubic(&self, problem: &Problem, state: &State) -> Cubic {
         /// Roundings in a term. More: true curvature is dropped; less: noise is kept.
         const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
-        let d = &self.unit.vertices;
-        let g = problem.gradients(d);
+        let is_counted = |component| problem.goals.counts(0, component);
         let significant = |(sum, magnitude): (f64, f64)| if sum.abs() <= ROUNDINGS * magnitude { 0.0 } else { sum };
-        let [with_x, with_d] = products_and_magnitudes(g.of(0), [&state.vertices, d]).map(significant);
-        Cubic { a1: self.slope, a2: with_x, a3: with_d / 3.0 }
+        let [a2, a3] = problem.solid.bends(&state.vertices, &self.unit.vertices, is_counted).map(significant);
+        Cubic { a1: self.slope, a2, a3 }
     }
-}
-
-/// Σ g·b and the sum of the terms' magnitudes, for two b; in fixed chunks of short blocks, so that rounding stays small beside the latter.
-fn products_and_magnitudes(g: &[DVec3], with: [&[DVec3]; 2]) -> [(f64, f64); 2] {
-    const BLOCK: usize = 64;
-    let of_chunk = |range: Range<usize>| {
-        let mut sums = [(0.0, 0.0); 2];
-        for start in range.clone().step_by(BLOCK) {
-            let block = start..range.end.min(start + BLOCK);
-            for ((sum, magnitude), b) in sums.iter_mut().zip(with) {
-                let (mut of_block, mut magnitude_of_block) = (DVec3::ZERO, DVec3::ZERO);
-                for (g, b) in g[block.clone()].iter().zip(&b[block.clone()]) {
-                    of_block += *g * *b;
-                    magnitude_of_block += (*g * *b).abs();
-                }
-                *sum += of_block.element_sum();
-                *magnitude += magnitude_of_block.element_sum();
-            }
-        }
-        sums
-    };
-    let mut all = [(0.0, 0.0); 2];
-    for chunk in parallel::map_chunks(g.len(), parallel::CHUNK, of_chunk) {
-        all.iter_mut().zip(chunk).for_each(|(all, part)| *all = (all.0 + part.0, all.1 + part.1));
-    }
-    all
 }
 
 /// The step for several goals: `Σ t_c D_c` with `D_c = R h_c`, h_c the goals' normals at the start, such that all volumes come out. t is

@@ -106,6 +106,8 @@ mod sensitivity;
 pub mod shapes;
 mod shells;
 mod simplify;
+mod spare;
+mod sweep;
 pub mod tolerances;
 mod topology;
 mod volume;

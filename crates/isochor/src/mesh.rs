@@ -197,16 +197,37 @@ impl Bounds {
     /// The smallest box round `points`, not finite where one of them is not. `None` without points.
     #[must_use]
     pub fn of(points: &[DVec3]) -> Option<Self> {
-        let of_point = |p: &DVec3| Self { min: *p, max: *p };
-        // What is not a number compares with nothing, and stays.
-        let either = |a: DVec3, b: DVec3| DVec3::select(b.cmpeq(b), a, b);
-        let least = |a: DVec3, b: DVec3| either(DVec3::select(a.cmpgt(b), b, a), b);
-        let most = |a: DVec3, b: DVec3| either(DVec3::select(a.cmplt(b), b, a), b);
-        let union = |a: Self, b: Self| Self { min: least(a.min, b.min), max: most(a.max, b.max) };
-        let boxes = parallel::map_chunks(points.len(), parallel::CHUNK, |range| {
-            points[range].iter().map(of_point).reduce(union)
+        let spans = parallel::map_chunks(points.len(), parallel::CHUNK, |range| {
+            points[range].iter().fold(Span::EMPTY, |span, p| span.with(*p))
         });
-        boxes.into_iter().flatten().reduce(union)
+        Self::of_spans(points.len(), &spans)
+    }
+
+    /// The box of `out`, filled with `len` points `point(i)`; `None` without points.
+    pub(crate) fn filled(
+        out: &mut Vec<DVec3>,
+        len: usize,
+        point: impl Fn(usize) -> DVec3 + Send + Sync,
+    ) -> Option<Self> {
+        parallel::resize(out, len);
+        let spans = parallel::map_parts(out, parallel::CHUNK, |first, part| {
+            let mut span = Span::EMPTY;
+            for (p, i) in part.iter_mut().zip(first..) {
+                *p = point(i);
+                span = span.with(*p);
+            }
+            span
+        });
+        Self::of_spans(len, &spans)
+    }
+
+    fn of_spans(points: usize, spans: &[Span]) -> Option<Self> {
+        let all = spans.iter().fold(Span::EMPTY, |all, span| Span {
+            min: DVec3::select(span.min.cmplt(all.min), span.min, all.min),
+            max: DVec3::select(span.max.cmpgt(all.max), span.max, all.max),
+            zero: all.zero + span.zero,
+        });
+        (points > 0).then_some(Self { min: all.min + all.zero, max: all.max + all.zero })
     }
 
     /// Whether all corners are finite.
@@ -242,6 +263,29 @@ impl Bounds {
     pub fn lossless_origin(&self) -> DVec3 {
         let (center, size) = (self.center(), self.size());
         DVec3::from_array(std::array::from_fn(|a| if center[a].abs() >= size[a] { center[a] } else { 0.0 }))
+    }
+}
+
+/// A box that grows.
+#[derive(Clone, Copy)]
+struct Span {
+    min: DVec3,
+    max: DVec3,
+    /// 0, or not a number where a point was not finite: comparisons pass over that.
+    zero: DVec3,
+}
+
+impl Span {
+    const EMPTY: Self =
+        Self { min: DVec3::splat(f64::INFINITY), max: DVec3::splat(f64::NEG_INFINITY), zero: DVec3::ZERO };
+
+    #[inline]
+    fn with(self, p: DVec3) -> Self {
+        Self {
+            min: DVec3::select(p.cmplt(self.min), p, self.min),
+            max: DVec3::select(p.cmpgt(self.max), p, self.max),
+            zero: self.zero + p * 0.0,
+        }
     }
 }
 

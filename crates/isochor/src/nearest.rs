@@ -223,9 +223,10 @@ impl Search<'_> {
     fn unmeasured(&self, z: &[f64], steps: usize) -> State {
         let problem = self.problem;
         let displacement = problem.metric.displacement(z);
-        let vertices = Arc::new(problem.binding.displaced(&problem.posed, &displacement));
+        let mut vertices = problem.spare.array();
+        problem.binding.displace_into(&problem.posed, &displacement, vertices.memory());
         let volumes = Volumes { total: f64::NAN, components: Vec::new() };
-        State { displacement, vertices, volumes, steps }
+        State { displacement, vertices: Arc::new(vertices), volumes, slope: None, steps }
     }
 
     /// The next pose on the surface that is nearer, by a Newton step or a fraction of it.

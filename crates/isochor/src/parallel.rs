@@ -34,6 +34,15 @@ pub(crate) fn collect<T: Send>(len: usize, f: impl Fn(usize) -> T + Send + Sync)
     (0..len).map(f).collect()
 }
 
+/// [`collect`] in the memory of `out`, where it holds as many items already.
+pub(crate) fn fill<T: Send>(out: &mut Vec<T>, len: usize, f: impl Fn(usize) -> T + Send + Sync) {
+    if out.len() != len {
+        *out = collect(len, f);
+        return;
+    }
+    for_each_chunk(out, CHUNK, |first, part| part.iter_mut().enumerate().for_each(|(i, x)| *x = f(first + i)));
+}
+
 /// Makes `out` hold `len` items of any value, in its own memory where it holds as many already.
 pub(crate) fn resize<T: Copy + Default + Send>(out: &mut Vec<T>, len: usize) {
     if out.len() != len {
@@ -48,6 +57,19 @@ pub(crate) fn for_each_chunk<T: Send>(out: &mut [T], chunk: usize, f: impl Fn(us
         return out.par_chunks_mut(chunk).enumerate().for_each(|(c, part)| f(c * chunk, part));
     }
     out.chunks_mut(chunk).enumerate().for_each(|(c, part)| f(c * chunk, part));
+}
+
+/// `f(first, part)` of every part of `out` of length `chunk`, in order.
+pub(crate) fn map_parts<T: Send, R: Send>(
+    out: &mut [T],
+    chunk: usize,
+    f: impl Fn(usize, &mut [T]) -> R + Send + Sync,
+) -> Vec<R> {
+    #[cfg(feature = "rayon")]
+    if out.len() > chunk {
+        return out.par_chunks_mut(chunk).enumerate().map(|(c, part)| f(c * chunk, part)).collect();
+    }
+    out.chunks_mut(chunk).enumerate().map(|(c, part)| f(c * chunk, part)).collect()
 }
 
 /// Calls `f(i, &mut a[i], &mut b[i · stride..(i + 1) · stride])` for every i.

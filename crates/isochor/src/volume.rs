@@ -22,14 +22,14 @@
 use std::borrow::Cow;
 use std::ops::Range;
 
-use fearless_simd::prelude::*;
-use fearless_simd::{Level, dispatch, f64x8};
+use fearless_simd::{Level, dispatch};
 use glam::DVec3;
 
-use crate::double::{Double, Lanes, is_fused};
+use crate::double::{Double, is_fused};
 use crate::mesh::{Bounds, Mesh, fan};
 use crate::order;
 use crate::parallel;
+use crate::sweep;
 use crate::tolerances;
 use crate::topology::{DisjointSets, Topology};
 
@@ -296,22 +296,25 @@ impl Solid {
             .components
             .iter()
             .enumerate()
-            .flat_map(|(c, range)| {
-                range.clone().step_by(parallel::CHUNK).map(move |i| (c, i..range.end.min(i + parallel::CHUNK)))
-            })
+            .flat_map(|(c, range)| chunks(range).map(move |chunk| (c, chunk)))
             .collect();
         let level = Level::new();
         let parts = parallel::map(chunks.len(), |k| {
             let triangles = &self.triangles[chunks[k].1.clone()];
             dispatch!(level, simd => match is_fused(simd) {
-                true => determinants::<_, true>(simd, triangles, &points),
-                false => determinants::<_, false>(simd, triangles, &points),
+                true => sweep::determinants::<_, true>(simd, triangles, &points),
+                false => sweep::determinants::<_, false>(simd, triangles, &points),
             })
         });
+        self.volumes_of(chunks.iter().map(|(c, _)| *c).zip(parts))
+    }
+
+    /// The volumes of sums of determinants, each of triangles of one component.
+    fn volumes_of(&self, determinants: impl Iterator<Item = (usize, Double)>) -> Volumes {
         let mut total = Double::default();
         let mut components = vec![Double::default(); self.components.len()];
-        for ((c, _), part) in chunks.iter().zip(parts) {
-            components[*c] += part;
+        for (c, part) in determinants {
+            components[c] += part;
             total += part;
         }
         Volumes { total: total.value() / 6.0, components: components.iter().map(|v| v.value() / 6.0).collect() }
@@ -361,6 +364,63 @@ impl Solid {
         self.gather(weights, out, |t| doubled_area_vector(t, &points));
     }
 
+    /// The volumes of the pose `points` and, of the gradient of their sum, what `of_part(vertices, g)` makes of its fixed parts while they
+    /// are near the processor, in order; `None` where there are caps, which share out their parts of the gradient last.
+    pub(crate) fn survey<R: Send>(
+        &self,
+        points: &[DVec3],
+        of_part: impl Fn(Range<usize>, &[DVec3]) -> R + Send + Sync,
+    ) -> Option<(Volumes, Vec<R>)> {
+        if !self.caps.is_empty() {
+            return None;
+        }
+        let points = self.near_with_apexes(points);
+        let level = Level::new();
+        let of_parts = parallel::map_chunks(self.vertices, PART, |part| {
+            let mut sums = vec![DVec3::ZERO; part.len()];
+            let mut determinants = Vec::new();
+            for (component, run) in self.runs(part.start / PART) {
+                let (triangles, first) = (&self.triangles, part.start);
+                let sum = dispatch!(level, simd => match is_fused(simd) {
+                    true => sweep::add_area_vectors::<_, true>(simd, triangles, run, &points, first, &mut sums),
+                    false => sweep::add_area_vectors::<_, false>(simd, triangles, run, &points, first, &mut sums),
+                });
+                determinants.push((component, sum));
+            }
+            sums.iter_mut().for_each(|sum| *sum *= SIXTH);
+            (determinants, of_part(part, &sums))
+        });
+        let (determinants, of_parts): (Vec<_>, Vec<R>) = of_parts.into_iter().unzip();
+        Some((self.volumes_of(determinants.into_iter().flatten()), of_parts))
+    }
+
+    /// The triangles that touch part `part` of the vertices, component by component.
+    fn runs(&self, part: usize) -> impl Iterator<Item = (usize, &[u32])> {
+        let mut rest = &self.touching[self.part_starts[part] as usize..self.part_starts[part + 1] as usize];
+        std::iter::from_fn(move || {
+            let first = *rest.first()? as usize;
+            let component = self.components.partition_point(|range| range.end <= first);
+            let end = self.components[component].end;
+            let (run, others) = rest.split_at(rest.partition_point(|t| (*t as usize) < end));
+            rest = others;
+            Some((component, run))
+        })
+    }
+
+    /// Gives each vertex of a cap its share of what belongs to the apex.
+    fn share_of_caps(&self, weights: Option<&[f64]>, sums: &mut [DVec3], of_triangle: impl Fn([u32; 3]) -> DVec3) {
+        for cap in &self.caps {
+            let Some(first) = cap.fan.first() else { continue };
+            let component = self.components.partition_point(|range| range.end <= *first as usize);
+            let weight = weights.map_or(1.0, |w| w[component]);
+            let of_apex: DVec3 = cap.fan.iter().map(|t| of_triangle(self.triangles[*t as usize]) * weight).sum();
+            let share = of_apex * SIXTH / cap.members.len() as f64;
+            for &v in &cap.members {
+                sums[v as usize] += share;
+            }
+        }
+    }
+
     /// The second derivative `∇²V · q` (#vertices × 3) at the pose `points` along the displacement `q` (both #vertices × 3): how
     /// [`Solid::volume_gradient`] changes to first order.
     ///
@@ -405,48 +465,47 @@ impl Solid {
 
     /// A sixth of the sum over the triangles at each vertex (#vertices × 3), each times the weight of its component; what belongs to
     /// apexes goes back to their members.
-    fn gather<'a>(
-        &'a self,
-        weights: Option<&'a [f64]>,
+    fn gather(
+        &self,
+        weights: Option<&[f64]>,
         sums: &mut Vec<DVec3>,
         of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync,
     ) {
         assert!(weights.is_none_or(|w| w.len() == self.components.len()), "one weight for each component of the solid");
-        // Each of `list` (ascending) with its vector.
-        let of_triangle = &of_triangle;
-        let vectors = |list: &'a [u32]| {
-            let (mut end, mut weight) = (0, 1.0);
-            list.iter().map(move |&t| {
-                let t = t as usize;
-                if t >= end {
-                    let component = self.components.partition_point(|range| range.end <= t);
-                    end = self.components[component].end;
-                    weight = weights.map_or(1.0, |w| w[component]);
-                }
-                (self.triangles[t], of_triangle(self.triangles[t]) * weight)
-            })
-        };
         parallel::resize(sums, self.vertices);
         parallel::for_each_chunk(sums, PART, |first, sums| {
             sums.fill(DVec3::ZERO);
-            let part = first / PART;
-            for (triangle, vector) in
-                vectors(&self.touching[self.part_starts[part] as usize..self.part_starts[part + 1] as usize])
-            {
-                for v in triangle {
-                    if let Some(sum) = sums.get_mut((v as usize).wrapping_sub(first)) {
-                        *sum += vector;
+            for (component, run) in self.runs(first / PART) {
+                let weight = weights.map_or(1.0, |w| w[component]);
+                for triangle in run.iter().map(|t| self.triangles[*t as usize]) {
+                    let vector = of_triangle(triangle) * weight;
+                    for v in triangle {
+                        if let Some(sum) = sums.get_mut((v as usize).wrapping_sub(first)) {
+                            *sum += vector;
+                        }
                     }
                 }
             }
             sums.iter_mut().for_each(|sum| *sum *= SIXTH);
         });
-        for cap in &self.caps {
-            let share = vectors(&cap.fan).map(|(_, vector)| vector).sum::<DVec3>() * SIXTH / cap.members.len() as f64;
-            for &v in &cap.members {
-                sums[v as usize] += share;
-            }
+        self.share_of_caps(weights, sums, of_triangle);
+    }
+
+    /// `a₂` and `a₃` of the cubic `V(x + t d) = V + a₁ t + a₂ t² + a₃ t³`, the volume of some components along a straight way of the vertices
+    /// (both #vertices × 3), each with the sum of the magnitudes of its terms.
+    ///
+    /// V is a symmetric trilinear form T(x, x, x) with gradient 3 T(x, x, ·): `a₂ = Σ_v g(d)_v · x_v` and `a₃ = Σ_v g(d)_v · d_v / 3`.
+    pub(crate) fn bends(&self, x: &[DVec3], d: &[DVec3], is_counted: impl Fn(usize) -> bool) -> [(f64, f64); 2] {
+        let (x, d) = (self.near_with_apexes(x), self.near_with_apexes(d));
+        let chunks: Vec<Range<usize>> =
+            (0..self.components.len()).filter(|c| is_counted(*c)).flat_map(|c| chunks(&self.components[c])).collect();
+        let parts = parallel::map(chunks.len(), |k| sweep::area_products(&self.triangles[chunks[k].clone()], &x, &d));
+        let mut sums = [(0.0, 0.0); 2];
+        for part in parts {
+            sums.iter_mut().zip(part).for_each(|(sum, part)| *sum = (sum.0 + part.0, sum.1 + part.1));
         }
+        let [with_x, with_d] = sums;
+        [(with_x.0 / 6.0, with_x.1 / 6.0), (with_d.0 / 18.0, with_d.1 / 18.0)]
     }
 
     /// Surface area of the pose `points` (#vertices × 3), caps included.
@@ -603,50 +662,26 @@ fn lossless_origin(points: &[DVec3]) -> DVec3 {
     origin(Bounds::of(points))
 }
 
-/// `(b − a) × (c − a)`: twice the area vector of a triangle.
-#[inline]
-fn doubled_area_vector([a, b, c]: [u32; 3], points: &[DVec3]) -> DVec3 {
-    let p = points[a as usize];
-    (points[b as usize] - p).cross(points[c as usize] - p)
+/// Σ |g|₁ and Σ g · p.
+pub(crate) fn spread_and_products(g: &[DVec3], p: &[DVec3]) -> [f64; 2] {
+    let (mut spread, mut products) = (DVec3::ZERO, DVec3::ZERO);
+    for (g, p) in g.iter().zip(p) {
+        spread += g.abs();
+        products += *g * *p;
+    }
+    [spread.element_sum(), products.element_sum()]
 }
 
-/// `Σ det(p_l, p_m, p_n)` in doubled precision.
-#[inline(always)]
-fn determinants<S: Simd, const FUSED: bool>(simd: S, triangles: &[[u32; 3]], points: &[DVec3]) -> Double {
-    /// Triangles whose coordinates are brought together at a time: few enough to stay near the processor.
-    const BATCH: usize = 64;
-    let mut sum = Lanes::zero(simd);
-    // Coordinate x of corner k of every triangle: `batch[3k + x]`.
-    let mut batch = [[0.0; BATCH]; 9];
-    for triangles in triangles.chunks(BATCH) {
-        if triangles.len() < BATCH {
-            batch = [[0.0; BATCH]; 9];
-        }
-        for (i, [l, m, n]) in triangles.iter().enumerate() {
-            let [l, m, n] = [points[*l as usize], points[*m as usize], points[*n as usize]];
-            batch[0][i] = l.x;
-            batch[1][i] = l.y;
-            batch[2][i] = l.z;
-            batch[3][i] = m.x;
-            batch[4][i] = m.y;
-            batch[5][i] = m.z;
-            batch[6][i] = n.x;
-            batch[7][i] = n.y;
-            batch[8][i] = n.z;
-        }
-        for first in (0..triangles.len()).step_by(8) {
-            let mut c = [f64x8::splat(simd, 0.0); 9];
-            for (c, batch) in c.iter_mut().zip(&batch) {
-                *c = f64x8::from_slice(simd, &batch[first..first + 8]);
-            }
-            for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
-                let minor =
-                    Lanes::product::<FUSED>(c[3 + y], c[6 + z]).minus(Lanes::product::<FUSED>(c[3 + z], c[6 + y]));
-                sum = sum.plus(minor.times::<FUSED>(c[x]));
-            }
-        }
-    }
-    sum.total()
+/// Fixed chunks of the triangles of a component.
+fn chunks(range: &Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
+    let end = range.end;
+    range.clone().step_by(parallel::CHUNK).map(move |i| i..end.min(i + parallel::CHUNK))
+}
+
+/// `(b − a) × (c − a)`: twice the area vector of a triangle.
+#[inline]
+fn doubled_area_vector(triangle: [u32; 3], points: &[DVec3]) -> DVec3 {
+    sweep::doubled_area_vector(triangle.map(|v| points[v as usize]))
 }
 
 /// One cap for each connected piece of the unbalanced edges, and its triangles, each with the face whose edge it closes.
@@ -712,7 +747,8 @@ mod tests {
         let mesh = crate::shapes::uv_torus(1.0, 0.3, 33, 17);
         let solid = Solid::new(&mesh, &crate::topology(&mesh), OpenBoundaries::Refuse).unwrap();
         let points: Vec<DVec3> = mesh.points().iter().map(|p| *p + DVec3::new(0.3, 0.1, -0.2)).collect();
-        let of = |level| dispatch!(level, simd => determinants::<_, false>(simd, &solid.triangles, &points).value());
+        let of =
+            |level| dispatch!(level, simd => sweep::determinants::<_, false>(simd, &solid.triangles, &points).value());
         for level in [Level::baseline(), Level::new()] {
             assert_eq!(of(level) / 6.0, solid.volume(&points));
         }

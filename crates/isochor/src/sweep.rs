@@ -1,0 +1,165 @@
+//! Sweeps over the triangles of a body, eight at a time.
+//!
+//! Corners are scattered in memory, sums are not. So triangles are taken in batches: their corners are brought together once, coordinate by
+//! coordinate, and all that is wanted of them is computed there, packed.
+//!
+//! Products that must not lose anything are taken in doubled precision ([`crate::double`]); all others are plain, without fused
+//! multiply-adds, so that bits do not depend on the processor.
+
+use fearless_simd::f64x8;
+use fearless_simd::prelude::*;
+use glam::DVec3;
+
+use crate::double::{Double, Lanes};
+
+/// Triangles in a batch: few enough to stay near the processor, many enough to be worth a loop. A multiple of [`WIDTH`].
+const BATCH: usize = 64;
+
+/// Numbers in a packed one.
+const WIDTH: usize = 8;
+
+/// One number per triangle of a batch.
+type Column = [f64; BATCH];
+
+/// A vector per triangle, packed.
+type Vectors<S> = [f64x8<S>; 3];
+
+/// The corners of a batch of triangles: corner k, coordinate x, triangle i at `[k][x][i]`. What is beyond the last triangle is 0 or old.
+struct Corners([[Column; 3]; 3]);
+
+impl Corners {
+    fn zero() -> Self {
+        Self([[[0.0; BATCH]; 3]; 3])
+    }
+
+    /// Puts triangle `i` of the batch there and returns its corners.
+    #[inline(always)]
+    fn set(&mut self, i: usize, [l, m, n]: [u32; 3], points: &[DVec3]) -> [DVec3; 3] {
+        let triangle = [points[l as usize], points[m as usize], points[n as usize]];
+        for (corner, p) in self.0.iter_mut().zip(triangle) {
+            corner[0][i] = p.x;
+            corner[1][i] = p.y;
+            corner[2][i] = p.z;
+        }
+        triangle
+    }
+
+    /// Corner `k` of the eight triangles from `first` on.
+    #[inline(always)]
+    fn packed<S: Simd>(&self, simd: S, k: usize, first: usize) -> Vectors<S> {
+        let [x, y, z] = &self.0[k];
+        let range = first..first + WIDTH;
+        // Closures would not be compiled for the processor at hand.
+        [
+            f64x8::from_slice(simd, &x[range.clone()]),
+            f64x8::from_slice(simd, &y[range.clone()]),
+            f64x8::from_slice(simd, &z[range]),
+        ]
+    }
+
+    /// All corners of the eight triangles from `first` on.
+    #[inline(always)]
+    fn eight<S: Simd>(&self, simd: S, first: usize) -> [Vectors<S>; 3] {
+        [self.packed(simd, 0, first), self.packed(simd, 1, first), self.packed(simd, 2, first)]
+    }
+}
+
+/// `(b − a) × (c − a)`: twice the area vector of a triangle.
+#[inline(always)]
+pub(crate) fn doubled_area_vector([a, b, c]: [DVec3; 3]) -> DVec3 {
+    (b - a).cross(c - a)
+}
+
+/// `det(l, m, n)` in doubled precision, added to `sum`; with the first corner times `share`, which is 0 or 1.
+#[inline(always)]
+fn add_determinants<S: Simd, const FUSED: bool>(
+    sum: Lanes<S>,
+    [l, m, n]: [Vectors<S>; 3],
+    share: f64x8<S>,
+) -> Lanes<S> {
+    let mut sum = sum;
+    for [x, y, z] in [[0, 1, 2], [1, 2, 0], [2, 0, 1]] {
+        let minor = Lanes::product::<FUSED>(m[y], n[z]).minus(Lanes::product::<FUSED>(m[z], n[y]));
+        sum = sum.plus(minor.times::<FUSED>(l[x] * share));
+    }
+    sum
+}
+
+/// `Σ det(p_l, p_m, p_n)` in doubled precision. `FUSED` is [`crate::double::is_fused`].
+#[inline(always)]
+pub(crate) fn determinants<S: Simd, const FUSED: bool>(simd: S, triangles: &[[u32; 3]], points: &[DVec3]) -> Double {
+    let mut sum = Lanes::zero(simd);
+    let mut corners = Corners::zero();
+    let one = f64x8::splat(simd, 1.0);
+    for triangles in triangles.chunks(BATCH) {
+        if triangles.len() < BATCH {
+            corners = Corners::zero();
+        }
+        for (i, triangle) in triangles.iter().enumerate() {
+            corners.set(i, *triangle, points);
+        }
+        for first in (0..triangles.len()).step_by(WIDTH) {
+            sum = add_determinants::<S, FUSED>(sum, corners.eight(simd, first), one);
+        }
+    }
+    sum.total()
+}
+
+/// Adds to `sums`, those of the vertices from `first` on, twice the area vectors of the triangles of `list` at each.
+///
+/// Returns `Σ det(p_l, p_m, p_n)` in doubled precision over those triangles whose first corner is among these vertices.
+#[inline(always)]
+pub(crate) fn add_area_vectors<S: Simd, const FUSED: bool>(
+    simd: S,
+    triangles: &[[u32; 3]],
+    list: &[u32],
+    points: &[DVec3],
+    first: usize,
+    sums: &mut [DVec3],
+) -> Double {
+    let mut sum = Lanes::zero(simd);
+    let mut corners = Corners::zero();
+    let mut own: Column = [0.0; BATCH];
+    for list in list.chunks(BATCH) {
+        for (i, t) in list.iter().enumerate() {
+            let triangle = triangles[*t as usize];
+            let vector = doubled_area_vector(corners.set(i, triangle, points));
+            let place = |v: u32| (v as usize).wrapping_sub(first);
+            own[i] = f64::from(u8::from(place(triangle[0]) < sums.len()));
+            for v in triangle {
+                if let Some(sum) = sums.get_mut(place(v)) {
+                    *sum += vector;
+                }
+            }
+        }
+        own[list.len()..].fill(0.0);
+        for at in (0..list.len()).step_by(WIDTH) {
+            let share = f64x8::from_slice(simd, &own[at..at + WIDTH]);
+            sum = add_determinants::<S, FUSED>(sum, corners.eight(simd, at), share);
+        }
+    }
+    sum.total()
+}
+
+/// Σ A(d)·(x_l + x_m + x_n) and Σ A(d)·(d_l + d_m + d_n), each with the sum of its terms' magnitudes; A(d) is twice the area vector of a
+/// triangle with corners d. Packed it is no faster: there are too many numbers to bring together.
+pub(crate) fn area_products(triangles: &[[u32; 3]], x: &[DVec3], d: &[DVec3]) -> [(f64, f64); 2] {
+    let mut sums = [(0.0, 0.0); 2];
+    for triangles in triangles.chunks(BATCH) {
+        // Sums of a batch first, so that rounding stays small beside the magnitudes.
+        let mut of_batch = [(DVec3::ZERO, DVec3::ZERO); 2];
+        for [l, m, n] in triangles {
+            let [l, m, n] = [*l as usize, *m as usize, *n as usize];
+            let area = doubled_area_vector([d[l], d[m], d[n]]);
+            for ((sum, magnitude), points) in of_batch.iter_mut().zip([x, d]) {
+                let term = area * (points[l] + points[m] + points[n]);
+                *sum += term;
+                *magnitude += term.abs();
+            }
+        }
+        for (all, (sum, magnitude)) in sums.iter_mut().zip(of_batch) {
+            *all = (all.0 + sum.element_sum(), all.1 + magnitude.element_sum());
+        }
+    }
+    sums
+}
