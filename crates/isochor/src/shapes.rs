@@ -66,10 +66,10 @@ fn block(size: DVec3, n: [usize; 3]) -> Mesh {
     solid(points, faces)
 }
 
-/// The box [0, 2] × [0, 1] × [0, 0.8] with bosses on its sides, 4 along x and 2 along y and z, so that one sees what becomes of it: with
-/// `n` × `n` quads on each side, 6n² + 2 vertices. At fractions u and v of a side with p and q bosses it stands out by
-/// `0.06 sin²(p π u) sin²(q π v)`. The sum of sin² over equal parts is half their number, so the volume is that of the box and 0.015 times the
-/// area of its sides: `1.6 + 0.015 · 8.8`.
+/// The box [0, 2] × [0, 1] × [0, 0.8] with bosses on its sides, 4 along x and 2 along y and z, so that one sees what becomes
+/// of it: with `n` × `n` quads on each side, 6n² + 2 vertices. At fractions u and v of a side with p and q bosses it stands
+/// out by `0.06 sin²(p π u) sin²(q π v)`. The sum of sin² over equal parts is half their number, so the volume is that of the
+/// box and 0.015 times the area of its sides: `1.6 + 0.015 · 8.8`.
 ///
 /// # Panics
 ///
@@ -295,9 +295,9 @@ fn bottle_profile(rings: usize) -> Vec<[f64; 2]> {
     (0..=rings).map(ring).collect()
 }
 
-/// A screwdriver round the z-axis from z = 0 to 3: a flat blade, a shaft, and a handle with 8 flutes. `2n` rows of quads of equal height
-/// round `n` corners each, and two caps of triangles; n (2n + 1) + 2 vertices. Corner s of the ring at height z is at
-/// `(a ρ cos φ, b ρ sin φ)`, `φ = 2π s/n`, `ρ = 1 + f cos 8φ`; a, b and f are steps one after the other, each smooth in z. The area of a
+/// A screwdriver round the z-axis from z = 0 to 3: a flat blade, a shaft, and a handle with 8 flutes. `2n` rows of quads of
+/// equal height round `n` corners each, and two caps of triangles; n (2n + 1) + 2 vertices. Corner s of the ring at height z
+/// is at `(a ρ cos φ, b ρ sin φ)`, `φ = 2π s/n`, `ρ = 1 + f cos 8φ`; a, b and f go in smooth steps along z. The area of a
 /// ring is `n/2 sin(2π/n) a b (1 + f²/2 cos(16π/n))`, unless n divides 16.
 ///
 /// # Panics
@@ -330,10 +330,10 @@ fn step(z: f64, from: f64, to: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
-/// A cup with a handle, one closed surface of genus 1: round the z-axis from z = 0 to 1.6, of radius `0.65 + 0.1 z` at height z, with a
-/// wall 0.08 and a floor 0.1 thick; the handle, towards +x, is a tube of elliptic sections (half axes 0.1 and 0.08) whose centres lie on
-/// half a circle of radius 0.4. The wall has `24n` segments, 8n rows without and within, and the ends of the tube take the place of n × n of its
-/// quads each.
+/// A cup with a handle, one closed surface of genus 1: round the z-axis from z = 0 to 1.6, of radius `0.65 + 0.1 z` at height
+/// z, with a wall 0.08 and a floor 0.1 thick; the handle, towards +x, is a tube of elliptic sections (half axes 0.1 and 0.08)
+/// whose centres lie on half a circle of radius 0.4. The wall has `24n` segments, 8n rows without and within, and the ends of
+/// the tube take the place of n × n of its quads each.
 ///
 /// Its volume is that of the cup without handle, frusta of 24n sides, and of the tube, which tends to `0.4 π · 0.1 · 0.08 π` but for
 /// its first and last section, where it becomes a square patch of the wall.
