@@ -155,6 +155,8 @@ pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 mod pages {
     #[doc = include_str!("../../../docs/correct.md")]
     mod correct {}
+    #[doc = include_str!("../../../docs/frames.md")]
+    mod frames {}
     #[doc = include_str!("../../../docs/preview.md")]
     mod preview {}
     #[doc = include_str!("../../../docs/sensitivity.md")]

@@ -110,6 +110,23 @@ fn figures_lose_what_the_paper_says_and_get_it_back() {
 }
 
 #[test]
+fn the_page_of_figures_says_what_the_jobs_say() {
+    let page = include_str!("../../../docs/figures.md");
+    for (name, paper) in PAPER {
+        let row =
+            page.lines().find(|line| line.starts_with(&format!("| `{name}` |"))).unwrap_or_else(|| panic!("no {name}"));
+        let cells: Vec<String> =
+            row.split('|').skip(3).map(|cell| cell.replace([',', '%'], "").trim().into()).collect();
+        let number = |cell: usize| cells[cell].parse::<f64>().ok();
+        let panel = Panel::read(&folder("figures"), name);
+        let said = ["Volume without correction:", "Vertices:"].map(|line| panel.said(line, "here "));
+        assert_eq!([number(1), number(3)], said, "{name}");
+        assert_eq!((number(0), number(2)), (paper, panel.said("Vertices:", "paper ")), "{name}");
+        assert!(paper.is_some() || cells[0] == "none", "{name}");
+    }
+}
+
+#[test]
 fn top_and_bottom_of_the_twisting_cube_stay_flat_under_horizontal_corrections_only() {
     for (name, is_flat) in
         [("figure-6a", true), ("figure-6a-film", true), ("figure-6b", false), ("figure-6b-film", false)]
