@@ -5,12 +5,15 @@ use std::path::PathBuf;
 use clap::builder::styling::{AnsiColor, Styles};
 use clap::{Args, CommandFactory, FromArgMatches, Parser, Subcommand, ValueEnum};
 
+use isochor::BuiltIn;
+
 use crate::failure::Failure;
 use crate::terminal::Terminal;
 
 /// Bend, twist, squash or sculpt a 3D model: its volume comes out exactly as wanted.
 #[derive(Debug, Parser)]
 #[command(name = "isochor", version, propagate_version = true, max_term_width = 110, styles = STYLES)]
+#[command(after_help = shapes())]
 pub struct Cli {
     #[command(subcommand)]
     pub command: Command,
@@ -20,6 +23,18 @@ pub struct Cli {
 
 const STYLES: Styles =
     Styles::styled().header(AnsiColor::Green.on_default().bold()).literal(AnsiColor::Cyan.on_default());
+
+/// What can be named instead of a model's file.
+fn shapes() -> String {
+    let names: Vec<String> =
+        BuiltIn::ALL.iter().map(|shape| format!("shape:{}?n={}", shape.name, shape.usual)).collect();
+    let width = names.iter().map(String::len).max().unwrap_or_default();
+    let mut text = String::from("Built-in shapes, for any MODEL; n, how finely they are divided, may be left out:\n");
+    for (name, shape) in names.iter().zip(BuiltIn::ALL) {
+        text += &format!("  {name:<width$}  {}\n", shape.about);
+    }
+    text
+}
 
 #[derive(Clone, Debug, Default, Args)]
 #[command(next_help_heading = "Output and threads")]
@@ -45,9 +60,11 @@ pub enum Command {
         folder: PathBuf,
     },
     /// Health check: what a model is, its volumes, and whether they can be preserved.
-    #[command(after_help = "Examples:\n  isochor info bunny.ply\n  isochor info --json bunny.ply")]
+    #[command(
+        after_help = "Examples:\n  isochor info bunny.ply\n  isochor info --json bunny.ply\n  isochor info shape:cup"
+    )]
     Info {
-        /// The model: .obj, .ply or .stl.
+        /// The model: .obj, .ply or .stl, or a built-in shape such as shape:ball.
         model: PathBuf,
     },
     /// Deform a model and keep its volume, from flags or from a job file.
@@ -71,7 +88,7 @@ pub enum Command {
 
 const DEFORM_EXAMPLES: &str = "Examples:
   isochor deform bunny.ply -o twisted.ply --twist z=90
-  isochor deform ball.obj -o flat.obj --stretch z=0.4 --preserve xy
+  isochor deform shape:ball -o flat.obj --stretch z=0.4 --preserve xy
   isochor deform tank.stl -o larger.stl --lattice 8x8x4 --volume 110% --pin k=0
   isochor deform horse.ply -o bent.ply --bend x=60,z --save-controls bent.json --report bent-report.json
   isochor deform --job twist.toml --lattice 10
@@ -81,12 +98,12 @@ Exit codes: 0 done; 1 the request cannot be met; 2 bad input or usage. Nothing i
 
 #[derive(Clone, Debug, Default, Args)]
 pub struct DeformArgs {
-    /// The model: .obj, .ply or .stl.
+    /// The model: .obj, .ply or .stl, or a built-in shape such as shape:ball; isochor help lists them.
     pub model: Option<PathBuf>,
     /// Where the result goes; the same format keeps everything else in the file.
     #[arg(long, short, value_name = "FILE")]
     pub output: Option<PathBuf>,
-    /// Read the request from a job file (.toml or .json); other flags override it.
+    /// Read the request from a job file (.toml or .json); other flags override it. With `frames` in it, models are written with numbers.
     #[arg(long, value_name = "FILE")]
     pub job: Option<PathBuf>,
     /// Replace the model's file by the result.

@@ -8,7 +8,7 @@ use isochor_io::{Document, Format, NumberType};
 use crate::args::DeformArgs;
 use crate::failure::Failure;
 use crate::files::Pending;
-use crate::request::Request;
+use crate::request::{Request, Requests};
 use crate::run::{deform, json};
 use crate::terminal::{Terminal, volume_lines};
 
@@ -129,7 +129,7 @@ impl Story {
         pending.add(&path, job.as_bytes())?;
         pending.commit()?;
 
-        let corrected = Request::from_args(&DeformArgs { job: Some(path), ..DeformArgs::default() })?;
+        let corrected = Requests::from_args(&DeformArgs { job: Some(path), ..DeformArgs::default() })?.frame(0)?;
         let mut plain = corrected.job.clone();
         plain.output = Some(folder.join(format!("{name}-deformed.{extension}")));
         plain.report = None;

@@ -55,6 +55,11 @@ impl Failure {
         Self { exit: 2, code: "job", what: error.what.clone(), place, hint }
     }
 
+    /// The same, in a frame of a film.
+    pub fn at_time(self, frame: usize, time: f64) -> Self {
+        Self { place: format!("{}, frame {} at time {time}", self.place, frame + 1), ..self }
+    }
+
     /// A lattice file that is none.
     pub fn lattice_file(path: &std::path::Path, error: &LatticeFileError) -> Self {
         let line = error.line.map_or_else(String::new, |line| format!(", line {line}"));

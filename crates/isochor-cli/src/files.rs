@@ -3,7 +3,7 @@
 use std::io::Write;
 use std::path::{Path, PathBuf};
 
-use tempfile::NamedTempFile;
+use tempfile::TempPath;
 
 use crate::failure::Failure;
 
@@ -33,7 +33,8 @@ pub fn are_same(a: &Path, b: &Path) -> bool {
 /// Files written beside their destinations, to be renamed together.
 #[derive(Default)]
 pub struct Pending {
-    files: Vec<(NamedTempFile, PathBuf)>,
+    /// Closed, for there may be more of them than a process may hold open.
+    files: Vec<(TempPath, PathBuf)>,
 }
 
 impl Pending {
@@ -68,7 +69,7 @@ impl Pending {
         if let Ok(replaced) = std::fs::metadata(&target) {
             file.as_file().set_permissions(replaced.permissions()).map_err(failed)?;
         }
-        self.files.push((file, target));
+        self.files.push((file.into_temp_path(), target));
         Ok(())
     }
 

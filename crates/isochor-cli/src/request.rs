@@ -1,10 +1,10 @@
-//! From the command line to a checked request: a job whose files are named and do not collide.
+//! From the command line to checked requests: a job, or one for each frame of a film, whose files are named and do not collide.
 
 use std::path::{Path, PathBuf};
 
 use isochor::{
-    BasisKind, Directions, Job, KnotRule, Knots, LatticeRequest, MethodKind, MobilityKind, Objective, OpenBoundaries,
-    Outside, Precision, Preserve, VolumeTarget,
+    BasisKind, Directions, Film, Job, JobTextError, KnotRule, Knots, LatticeRequest, MethodKind, MobilityKind,
+    Objective, OpenBoundaries, Outside, Precision, Preserve, VolumeTarget,
 };
 use isochor_io::Format;
 
@@ -12,14 +12,14 @@ use crate::args::{
     BasisArg, DeformArgs, KnotsArg, MethodArg, MobilityArg, ObjectiveArg, OpenArg, OutsideArg, PrecisionArg,
 };
 use crate::failure::Failure;
+use crate::model::Model;
 use crate::{files, flags};
 
 /// A job with its files.
 #[derive(Debug)]
 pub struct Request {
     pub job: Job,
-    pub model: PathBuf,
-    pub model_format: Format,
+    pub model: Model,
     pub output: PathBuf,
     pub output_format: Format,
     pub lattice_file: Option<PathBuf>,
@@ -27,37 +27,86 @@ pub struct Request {
     pub save_controls: Option<PathBuf>,
 }
 
-impl Request {
-    /// The request that the flags and the job file make; flags win.
-    pub fn from_args(args: &DeformArgs) -> Result<Self, Failure> {
-        let mut job = match &args.job {
-            Some(path) => job_file(path)?,
-            None => Job::default(),
-        };
-        apply_flags(&mut job, args)?;
-        Self::from_job(job, args.job.as_deref(), args.in_place)
+/// What was asked for: a single request, or one for each frame.
+pub struct Requests<'a> {
+    args: &'a DeformArgs,
+    /// `None`: there is no job file.
+    film: Option<Film>,
+}
+
+impl<'a> Requests<'a> {
+    /// The requests that the flags and the job file make; flags win.
+    pub fn from_args(args: &'a DeformArgs) -> Result<Self, Failure> {
+        let film = args.job.as_deref().map(film_file).transpose()?;
+        if args.in_place && film.as_ref().is_some_and(|film| film.frames() > 1) {
+            let what = "a film has many models, which cannot all replace the one it begins with";
+            return Err(Failure::usage("--in-place", what, "name the output with -o FILE"));
+        }
+        Ok(Self { args, film })
     }
 
+    /// How many there are; 1 unless the job is a film.
+    pub fn frames(&self) -> usize {
+        self.film.as_ref().map_or(1, Film::frames)
+    }
+
+    /// When `frame` is, from 0 to 1.
+    pub fn time(&self, frame: usize) -> f64 {
+        self.film.as_ref().map_or(0.0, |film| film.time(frame))
+    }
+
+    /// The request of `frame`. In a film, outputs have numbers.
+    pub fn frame(&self, frame: usize) -> Result<Request, Failure> {
+        let mut job = match (&self.film, &self.args.job) {
+            (Some(film), Some(path)) => {
+                let failed = |error: JobTextError| Failure::job_text(path, &error);
+                in_working_folder(film.job(frame).map_err(failed)?, path)
+            }
+            _ => Job::default(),
+        };
+        apply_flags(&mut job, self.args)?;
+        if self.frames() > 1 {
+            for path in [&mut job.output, &mut job.save_controls].into_iter().flatten() {
+                *path = numbered(path, frame + 1, self.frames());
+            }
+        }
+        Request::from_job(job, self.args.job.as_deref(), self.args.in_place)
+    }
+}
+
+/// The path with a number, from 1, before its extension: `out-0001.ply`. Films of up to 9999 frames have four digits.
+fn numbered(path: &Path, number: usize, of: usize) -> PathBuf {
+    let digits = of.to_string().len().max(4);
+    let mut name = path.file_stem().unwrap_or_default().to_os_string();
+    name.push(format!("-{number:0digits$}"));
+    if let Some(extension) = path.extension() {
+        name.push(".");
+        name.push(extension);
+    }
+    path.with_file_name(name)
+}
+
+impl Request {
     /// The request of a job whose paths are relative to the working folder, read from `job_file` if from any.
     pub fn from_job(job: Job, job_file: Option<&Path>, in_place: bool) -> Result<Self, Failure> {
         let missing = |what: &str, hint: &str| Failure::usage("command line", format!("{what} is missing"), hint);
-        let model = job.model.clone().ok_or_else(|| missing("the model", "name it: isochor deform MODEL -o OUT"))?;
-        let output = if in_place { Some(model.clone()) } else { job.output.clone() };
+        let path = job.model.as_deref();
+        let path = path.ok_or_else(|| missing("the model", "name it: isochor deform MODEL -o OUT"))?;
+        let model = Model::named(path)?;
+        let output = match (&model, in_place) {
+            (_, false) => job.output.clone(),
+            (Model::File { path, .. }, true) => Some(path.clone()),
+            (Model::Shape(_), true) => {
+                let what = "a built-in shape has no file that could be replaced";
+                return Err(Failure::usage("--in-place", what, "name the output with -o FILE"));
+            }
+        };
         let output = output
             .ok_or_else(|| missing("the output", "name it with -o FILE, or replace the model with --in-place"))?;
-        let format = |path: &Path| Format::from_path(path).map_err(|error| Failure::read(path, &error));
         let (report, save_controls) = (job.report.clone(), job.save_controls.clone());
         let lattice_file = job.lattice.as_ref().and_then(|lattice| lattice.file.clone());
-        let request = Self {
-            model_format: format(&model)?,
-            output_format: format(&output)?,
-            job,
-            model,
-            output,
-            lattice_file,
-            report,
-            save_controls,
-        };
+        let output_format = Format::from_path(&output).map_err(|error| Failure::read(&output, &error))?;
+        let request = Self { job, model, output, output_format, lattice_file, report, save_controls };
         request.check_paths(job_file, in_place)?;
         Ok(request)
     }
@@ -76,7 +125,10 @@ impl Request {
                 ));
             }
         }
-        let mut taken: Vec<(&str, &Path)> = vec![("the model", &self.model)];
+        let mut taken: Vec<(&str, &Path)> = Vec::new();
+        if let Model::File { path, .. } = &self.model {
+            taken.push(("the model", path));
+        }
         taken.extend(job_file.map(|path| ("the job file", path)));
         taken.extend(self.lattice_file.as_deref().map(|path| ("the lattice file", path)));
         let written = [("the output", Some(self.output.as_path()).filter(|_| !in_place))]
@@ -97,23 +149,32 @@ impl Request {
     }
 }
 
-/// Reads a job file; paths in it become relative to the working folder.
-fn job_file(path: &Path) -> Result<Job, Failure> {
+/// Reads a job file.
+fn film_file(path: &Path) -> Result<Film, Failure> {
     let text = files::text(path)?;
     let parse: fn(&str) -> _ = match path.extension().and_then(|e| e.to_str()) {
-        Some("toml") => Job::from_toml,
-        Some("json") => Job::from_json,
+        Some("toml") => Film::from_toml,
+        Some("json") => Film::from_json,
         _ => return Err(Failure::file(path, "this is no job file by its name", "job files end in .toml or .json")),
     };
-    let mut job = parse(&text).map_err(|error| Failure::job_text(path, &error))?;
-    let folder = path.parent().unwrap_or(Path::new(""));
+    parse(&text).map_err(|error| Failure::job_text(path, &error))
+}
+
+/// The job with paths relative to the working folder, read from `job_file`, to whose folder they were relative.
+fn in_working_folder(mut job: Job, job_file: &Path) -> Job {
+    let folder = job_file.parent().unwrap_or(Path::new(""));
+    if let Some(model) = &mut job.model {
+        let path = folder.join(&*model);
+        if !Model::is_shape(model) || path.exists() {
+            *model = path;
+        }
+    }
     let lattice_file = job.lattice.as_mut().and_then(|lattice| lattice.file.as_mut());
-    let paths =
-        [job.model.as_mut(), job.output.as_mut(), job.report.as_mut(), job.save_controls.as_mut(), lattice_file];
+    let paths = [job.output.as_mut(), job.report.as_mut(), job.save_controls.as_mut(), lattice_file];
     for path in paths.into_iter().flatten() {
         *path = folder.join(&*path);
     }
-    Ok(job)
+    job
 }
 
 /// Chooses a method in all directions.
@@ -259,4 +320,22 @@ fn apply_lattice_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> 
         };
     }
     Ok(())
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn frames_have_as_many_digits_as_the_last_one_and_at_least_four() {
+        for (path, number, of, expected) in [
+            ("out.ply", 1, 2, "out-0001.ply"),
+            ("a/b.c/out.x.ply", 36, 9999, "a/b.c/out.x-0036.ply"),
+            ("out.ply", 7, 10_000, "out-00007.ply"),
+            ("out.ply", 10_000, 10_000, "out-10000.ply"),
+            ("out", 7, 8, "out-0007"),
+        ] {
+            assert_eq!(numbered(Path::new(path), number, of), Path::new(expected));
+        }
+    }
 }

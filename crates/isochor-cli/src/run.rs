@@ -2,15 +2,16 @@
 
 use std::process::ExitCode;
 
-use isochor::{JobInput, Precision, Report, Source, Stage, Stopwatch};
+use isochor::{JobInput, Outcome, PosedLattice, Precision, Report, Stage, Stopwatch};
 use isochor_io::{Document, Format, NumberType, WriteOptions, Written, lattice_from_json, lattice_to_json};
 
 use crate::args::{Cli, Command};
 use crate::failure::Failure;
 use crate::files::{self, Pending};
-use crate::request::Request;
+use crate::model::Model;
+use crate::request::{Request, Requests};
 use crate::terminal::Terminal;
-use crate::{demo, info, pages};
+use crate::{demo, frames, info, pages};
 
 /// Runs what was asked and says with which code to end.
 pub fn command(cli: Cli) -> ExitCode {
@@ -24,7 +25,12 @@ pub fn command(cli: Cli) -> ExitCode {
     let result = match &cli.command {
         Command::Demo { folder } => demo::run(folder, &terminal),
         Command::Info { model } => info::run(model, &terminal),
-        Command::Deform(args) => Request::from_args(args).and_then(|request| {
+        Command::Deform(args) => Requests::from_args(args).and_then(|requests| {
+            if requests.frames() > 1 {
+                let report = frames::run(&requests, &terminal)?;
+                return terminal.film(&report, &requests);
+            }
+            let request = requests.frame(0)?;
             let report = deform(&request, &terminal)?;
             terminal.report(&report, &request);
             Ok(())
@@ -43,16 +49,9 @@ pub fn deform(request: &Request, terminal: &Terminal) -> Result<Report, Failure>
     let progress = terminal.progress(Stage::ALL.len() + 2);
     let mut watch = Stopwatch::start();
     progress.begin("read");
-    let document = Document::parse(files::bytes(&request.model)?, request.model_format)
-        .map_err(|error| Failure::read(&request.model, &error))?;
-    let source = source(&document);
-    let lattice = match &request.lattice_file {
-        Some(path) => {
-            let lattice = lattice_from_json(&files::text(path)?);
-            Some(lattice.map_err(|error| Failure::lattice_file(path, &error))?)
-        }
-        None => None,
-    };
+    let document = request.model.document(request.output_format)?;
+    let source = request.model.source(&document);
+    let lattice = lattice(request)?;
     watch.lap("read");
 
     let input = JobInput { mesh: document.mesh(), source: &source, lattice: lattice.as_ref() };
@@ -60,19 +59,8 @@ pub fn deform(request: &Request, terminal: &Terminal) -> Result<Report, Failure>
 
     let mut writing = Stopwatch::start();
     progress.begin("write");
-    let jacobians = if document.has_normals() { outcome.jacobians() } else { None };
-    let (written, notes) = written(request, &document, &outcome.points, jacobians.as_deref())?;
-    outcome.report.warnings.extend(notes);
-    outcome.measure_written(&written.points);
     let mut pending = Pending::default();
-    pending.add(&request.output, &written.bytes)?;
-    if let Some(path) = &request.save_controls {
-        let Some(controls) = &outcome.controls else {
-            let what = "there is no lattice to save: the job has neither a lattice nor an edit";
-            return Err(Failure::file(path, what, "leave save-controls out, or name a lattice"));
-        };
-        pending.add(path, lattice_to_json(controls).as_bytes())?;
-    }
+    write(request, &document, &mut outcome, &mut pending)?;
     writing.lap("write");
     let mut report = outcome.report;
     report.timings_ms.0.splice(0..0, watch.timings().0);
@@ -83,6 +71,35 @@ pub fn deform(request: &Request, terminal: &Terminal) -> Result<Report, Failure>
     pending.commit()?;
     progress.end();
     Ok(report)
+}
+
+/// The lattice file of a request, if it names one.
+pub fn lattice(request: &Request) -> Result<Option<PosedLattice>, Failure> {
+    let Some(path) = &request.lattice_file else { return Ok(None) };
+    let lattice = lattice_from_json(&files::text(path)?);
+    lattice.map(Some).map_err(|error| Failure::lattice_file(path, &error))
+}
+
+/// Adds the files of an outcome to those that are pending, all but its report, and to its report what was written.
+pub fn write(
+    request: &Request,
+    document: &Document,
+    outcome: &mut Outcome,
+    pending: &mut Pending,
+) -> Result<(), Failure> {
+    let jacobians = if document.has_normals() { outcome.jacobians() } else { None };
+    let (written, notes) = written(request, document, &outcome.points, jacobians.as_deref())?;
+    outcome.report.warnings.extend(notes);
+    outcome.measure_written(&written.points);
+    pending.add(&request.output, &written.bytes)?;
+    if let Some(path) = &request.save_controls {
+        let Some(controls) = &outcome.controls else {
+            let what = "there is no lattice to save: the job has neither a lattice nor an edit";
+            return Err(Failure::file(path, what, "leave save-controls out, or name a lattice"));
+        };
+        pending.add(path, lattice_to_json(controls).as_bytes())?;
+    }
+    Ok(())
 }
 
 /// The output file's bytes, and what a user should know about them.
@@ -119,17 +136,11 @@ fn written(
         Format::Stl => points.iter().map(|p| p.as_vec3().as_dvec3()).collect(),
         Format::Obj | Format::Ply => new.mesh().points().to_vec(),
     };
-    Ok((Written { bytes: new.bytes().to_vec(), points, warnings: Vec::new() }, vec![note]))
-}
-
-/// What a document says about itself.
-pub fn source(document: &Document) -> Source {
-    Source {
-        format: document.format().name().into(),
-        vertices: document.vertices_in_file(),
-        faces: document.faces_in_file(),
-        warnings: document.warnings().to_vec(),
-    }
+    let notes = match request.model {
+        Model::File { .. } => vec![note],
+        Model::Shape(_) => Vec::new(), // there was no file
+    };
+    Ok((Written { bytes: new.bytes().to_vec(), points, warnings: Vec::new() }, notes))
 }
 
 /// A report as JSON text.

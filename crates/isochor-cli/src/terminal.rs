@@ -5,11 +5,11 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
-use isochor::{ComponentHealth, Health, PartRow, Report, Role, Shell};
+use isochor::{ComponentHealth, FilmReport, Health, PartRow, Report, Role, Shell, VolumeReport};
 
 use crate::args::OutputArgs;
 use crate::failure::Failure;
-use crate::request::Request;
+use crate::request::{Request, Requests};
 use crate::run::json;
 
 /// Where output goes.
@@ -120,6 +120,56 @@ impl Terminal {
             self.say(&format!("wrote {}", path.display()));
         }
     }
+
+    /// Tells what became of a film.
+    pub fn film(&self, report: &FilmReport, requests: &Requests) -> Result<(), Failure> {
+        self.data(report);
+        let frames = report.frames.len();
+        for (number, frame) in report.frames.iter().enumerate() {
+            for warning in &frame.warnings {
+                // What holds of every frame is told once.
+                if number == 0 || !report.frames[0].warnings.contains(warning) {
+                    self.say(&format!("note: frame {}: {warning}", number + 1));
+                }
+            }
+        }
+        for line in film_lines(report) {
+            self.say(&line);
+        }
+        let [first, last] = [0, frames - 1].map(|frame| requests.frame(frame));
+        let (first, last) = (first?, last?);
+        let ends =
+            [(Some(&first.output), Some(&last.output)), (first.save_controls.as_ref(), last.save_controls.as_ref())];
+        for (first, last) in ends {
+            if let (Some(first), Some(last)) = (first, last) {
+                self.say(&format!("wrote {frames} files, {} to {}", first.display(), last.display()));
+            }
+        }
+        if let Some(path) = &first.report {
+            self.say(&format!("wrote {}", path.display()));
+        }
+        Ok(())
+    }
+}
+
+/// What became of the volume in all frames, for people.
+fn film_lines(report: &FilmReport) -> Vec<String> {
+    let rows: Vec<&VolumeReport> = report.frames.iter().filter_map(|frame| frame.volume.as_ref()).collect();
+    let Some(first) = rows.first() else { return vec!["volume: the model bounds no body".into()] };
+    let rest = first.overall.rest;
+    let span = |name: &str, volume: fn(&VolumeReport) -> f64| {
+        let ends = |ends: (f64, f64), row: &&VolumeReport| (ends.0.min(volume(row)), ends.1.max(volume(row)));
+        let (low, high) = rows.iter().fold((f64::INFINITY, f64::NEG_INFINITY), ends);
+        let [less, more] = [low, high].map(|volume| 100.0 * (volume / rest - 1.0));
+        format!("       {name:<9} {} to {} ({less:+.3} % to {more:+.3} %)", significant(low), significant(high))
+    };
+    let parts = |row: &VolumeReport| row.parts.iter().map(|part| part.row).chain([row.overall]).collect::<Vec<_>>();
+    let errors: Vec<f64> = rows.iter().flat_map(|row| parts(row)).filter_map(|row| row.relative_error).collect();
+    let mut last = span("final", |row| row.overall.corrected);
+    if !errors.is_empty() {
+        last += &format!(", relative error at most {:.1e}", errors.into_iter().fold(0.0, f64::max));
+    }
+    vec![format!("volume at rest   {}", significant(rest)), span("posed", |row| row.overall.posed), last]
 }
 
 /// More components, or cavities of one, than anybody reads.

@@ -9,7 +9,7 @@ use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
 use glam::DVec3;
-use isochor::{Bounds, Faces, Health, Mesh, Source, shapes, topology};
+use isochor::{Bounds, BuiltIn, Faces, Health, Mesh, Source, shapes, topology};
 use isochor_io::{Document, Format, NumberType};
 use serde_json::Value;
 use tempfile::TempDir;
@@ -951,6 +951,98 @@ fn flags_override_a_job_and_add_to_its_edits() {
     assert!(folder.bytes("job.obj") == folder.bytes("flags.obj"));
     assert!(folder.path("job-report.json").exists());
     assert!(!folder.path("never.ply").exists() && !folder.path("never.json").exists());
+}
+
+// Built-in shapes
+
+#[test]
+fn shapes_are_models_by_name() {
+    let folder = Folder::new();
+    let report = folder.report("shape:cube?n=5 -o cube-out.obj --twist z=90");
+    assert_eq!((&report["model"]["format"], &report["model"]["vertices"]), (&"shape".into(), &152.into()));
+    assert!(relative_error(&report) <= 1e-13 && number(&report, "written") == number(&report, "final"), "{report}");
+    assert_eq!(report["warnings"], Value::Array(Vec::new()));
+    // The same as from a file with 64-bit floats, whatever format it is written in.
+    for (name, format) in [("five.obj", Format::Obj), ("five.ply", Format::Ply)] {
+        folder.write(name, Document::from_mesh(&shapes::cube(5), format, NumberType::F64).unwrap().bytes());
+        let extension = format.name();
+        folder.report(&format!("{name} -o file.{extension} --twist z=90"));
+        folder.report(&format!("shape:cube?n=5 -o shape.{extension} --twist z=90"));
+        assert!(folder.bytes(&format!("file.{extension}")) == folder.bytes(&format!("shape.{extension}")), "{name}");
+    }
+    // STL has 32-bit floats and no shared corners: vertices are those of the shape all the same.
+    let report = folder.report("shape:ears -o ears.stl --drag 3:0,1.2,1.8");
+    assert_eq!((&report["model"]["vertices"], &report["warnings"]), (&10242.into(), &Value::Array(Vec::new())));
+    assert!((number(&report, "written") / number(&report, "final") - 1.0).abs() < 1e-6);
+    let error = folder.isochor("deform --json shape:ball -o b.stl --precision f64 --twist z=9");
+    assert_eq!((error.code, folder.path("b.stl").exists()), (Some(2), false));
+    // Without anything to do it is written as it is.
+    folder.report("shape:ring -o ring-out.ply");
+    assert_eq!(folder.points("ring-out.ply"), shapes::uv_torus(1.0, 0.3, 96, 48).points());
+}
+
+#[test]
+fn every_shape_is_in_the_help_and_well() {
+    let folder = Folder::new();
+    let help = folder.isochor("help").succeeded().stdout;
+    for BuiltIn { name, range, usual, .. } in BuiltIn::ALL {
+        assert!(help.contains(&format!("\n  shape:{name}?n={usual} ")), "{help}");
+        let usual = folder.isochor(&format!("info --json shape:{name}")).succeeded().json();
+        let coarse = folder.isochor(&format!("info --json shape:{name}?n={}", range.start())).succeeded().json();
+        for health in [&usual, &coarse] {
+            assert_eq!((&health["verdict"], &health["format"]), (&"ok".into(), &"shape".into()), "{name}");
+            assert!(
+                health["volume"]["total"].as_f64().unwrap() > 0.0 && health["warnings"] == Value::Array(Vec::new())
+            );
+        }
+        assert!(usual["vertices"].as_u64() > coarse["vertices"].as_u64(), "{name}");
+    }
+}
+
+#[test]
+fn names_that_are_no_shapes_are_named() {
+    let folder = Folder::new();
+    for (name, fragment) in [
+        ("shape:cub", "did you mean shape:cube?"),
+        ("shape:", "no built-in shape \\\"\\\""),
+        ("shape:Ball", "did you mean shape:ball?"),
+        ("shape:cube?n=0", "n=1 to n=800"),
+        ("shape:ball?n=10", "n=0 to n=9"),
+        ("shape:cube?n=-1", "n=1 to n=800"),
+        ("shape:cube?m=3", "\\\"m=3\\\" does not follow cube"),
+        ("shape:cube?", "leave the number out"),
+        ("shape:cube?n=99999999999999999999", "n=1 to n=800"),
+    ] {
+        for command in ["info --json", "deform -o never.ply --json"] {
+            let ran = folder.isochor(&format!("{command} {name}"));
+            assert!(ran.code == Some(2) && ran.stdout.contains(fragment), "{name}: {}", ran.stdout);
+            assert_eq!(ran.json()["error"]["where"], name);
+        }
+    }
+    let ran = folder.isochor("deform --json shape:ball --in-place --twist z=9");
+    assert!(ran.code == Some(2) && ran.stdout.contains("no file that could be replaced"), "{}", ran.stdout);
+    assert!(!folder.path("never.ply").exists());
+}
+
+#[test]
+fn jobs_name_shapes_and_files_come_before_shapes() {
+    let folder = Folder::new();
+    std::fs::create_dir(folder.path("sub")).unwrap();
+    let job = "output = \"out.obj\"\n[[edit]]\ntwist = { axis = \"z\", degrees = 90 }\n";
+    folder.write("sub/job.toml", format!("model = \"shape:cube?n=2\"\n{job}"));
+    assert_eq!(folder.report("--job sub/job.toml")["model"]["vertices"], 26);
+    assert!(folder.path("sub/out.obj").exists());
+    // Elsewhere such names cannot exist.
+    if cfg!(unix) {
+        folder.write("shape:cube.obj", OPEN);
+        assert_eq!(folder.isochor("info --json shape:cube.obj").succeeded().json()["format"], "obj");
+        folder.write("sub/shape:ball.obj", OPEN);
+        folder.write("sub/job.toml", format!("model = \"shape:ball.obj\"\n{job}"));
+        assert_eq!(folder.report("--job sub/job.toml")["model"]["vertices"], 8);
+    }
+    // A drive is no shape.
+    let drive = folder.isochor("info --json C:\\models\\cube.obj");
+    assert!(drive.code == Some(2) && drive.stdout.contains("cannot be read"), "{}", drive.stdout);
 }
 
 // Files

@@ -18,7 +18,7 @@ use crate::volume::OpenBoundaries;
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(default, deny_unknown_fields))]
 pub struct Job {
-    /// The model's file. Relative paths refer to the job file's folder.
+    /// The model's file, or a built-in shape ([`ShapeName`](crate::ShapeName)). Relative paths refer to the job file's folder.
     pub model: Option<PathBuf>,
     /// Where the result goes; the format follows the extension.
     pub output: Option<PathBuf>,

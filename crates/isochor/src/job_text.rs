@@ -1,5 +1,6 @@
 //! Jobs as TOML and JSON text.
 
+use crate::film::Film;
 use crate::job::Job;
 
 /// Why a text is no job.
@@ -21,16 +22,10 @@ impl Job {
     ///
     /// # Errors
     ///
-    /// Text that is not TOML, unknown keys (named with the nearest known one), values of the wrong kind.
+    /// Text that is not TOML, unknown keys (named with the nearest known one), values of the wrong kind. A text with `frames` is a
+    /// [`Film`], and an error here.
     pub fn from_toml(text: &str) -> Result<Self, JobTextError> {
-        toml::from_str(text).map_err(|error| {
-            let before = error.span().map(|span| &text[..span.start]);
-            JobTextError::new(
-                error.message(),
-                before.map(|text| text.matches('\n').count() + 1),
-                before.map(|text| text.chars().rev().take_while(|c| *c != '\n').count() + 1),
-            )
-        })
+        Film::from_toml(text)?.single()
     }
 
     /// Reads a job from JSON.
@@ -39,17 +34,30 @@ impl Job {
     ///
     /// As [`Job::from_toml`].
     pub fn from_json(text: &str) -> Result<Self, JobTextError> {
-        serde_json::from_str(text).map_err(|error| {
-            let what = error.to_string();
-            let what = what.split(" at line ").next().unwrap_or(&what);
-            JobTextError::new(what, Some(error.line()), Some(error.column()))
-        })
+        Film::from_json(text)?.single()
     }
 }
 
 impl JobTextError {
-    fn new(what: &str, line: Option<usize>, column: Option<usize>) -> Self {
+    pub(crate) fn new(what: &str, line: Option<usize>, column: Option<usize>) -> Self {
         Self { what: what.trim().into(), line, column, nearest: nearest(what) }
+    }
+
+    pub(crate) fn of_toml(text: &str, error: &toml::de::Error) -> Self {
+        let place = error.span().map(|span| Self::place(text, span.start));
+        Self::new(error.message(), place.map(|[line, _]| line), place.map(|[_, column]| column))
+    }
+
+    pub(crate) fn of_json(error: &serde_json::Error) -> Self {
+        let what = error.to_string();
+        let what = what.split(" at line ").next().unwrap_or(&what);
+        Self::new(what, Some(error.line()), Some(error.column()))
+    }
+
+    /// Line and column, from 1, of a byte of `text`.
+    pub(crate) fn place(text: &str, byte: usize) -> [usize; 2] {
+        let before = &text[..byte];
+        [before.matches('\n').count() + 1, before.chars().rev().take_while(|c| *c != '\n').count() + 1]
     }
 }
 

@@ -74,6 +74,7 @@ mod axes;
 mod binding;
 mod body;
 mod bspline;
+mod built_in;
 mod coarse;
 mod correct;
 mod double;
@@ -82,6 +83,8 @@ mod edit;
 mod energy;
 #[cfg(feature = "serde")]
 mod exact;
+#[cfg(feature = "serde")]
+mod film;
 mod goals;
 mod gradient;
 mod health;
@@ -114,6 +117,7 @@ mod volume;
 
 pub use binding::{Binding, BoundVertices, displaced};
 pub use bspline::{Basis, BasisError, MAX_SIZE};
+pub use built_in::{BuiltIn, ShapeName, ShapeNameError};
 pub use correct::{CorrectError, CorrectOptions, Correction, Corrector, Method, Pose, Reason, Status, Wanted, correct};
 pub use drag::{Drag, DragError};
 pub use edit::{
@@ -121,6 +125,8 @@ pub use edit::{
     Taper, Twist,
 };
 pub use energy::Energy;
+#[cfg(feature = "serde")]
+pub use film::Film;
 pub use goals::{Components, VolumeGoal};
 pub use health::{ComponentHealth, Health, Source, Verdict};
 pub use job::{
@@ -133,11 +139,13 @@ pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
-pub use outcome::{Course, JobError, JobInput, Outcome, PosedLattice, Stage};
+pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice, Stage};
 pub use points::{PointError, PointTarget, least_displacement};
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use preview::Preview;
-pub use report::{CorrectionReport, PartRow, Report, Stopwatch, Timings, VolumeReport, VolumeRow};
+pub use report::{
+    CorrectionReport, FilmReport, FrameReport, PartRow, Report, Stopwatch, Timings, VolumeReport, VolumeRow,
+};
 pub use select::{ControlSpace, SelectError, Selector};
 pub use sensitivity::{Cause, Effect, Sensitivity};
 pub use shells::{Role, Shell, roles};
@@ -149,6 +157,8 @@ pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 mod pages {
     #[doc = include_str!("../../../docs/correct.md")]
     mod correct {}
+    #[doc = include_str!("../../../docs/frames.md")]
+    mod frames {}
     #[doc = include_str!("../../../docs/preview.md")]
     mod preview {}
     #[doc = include_str!("../../../docs/sensitivity.md")]

@@ -25,7 +25,7 @@ use crate::preview::Preview;
 use crate::report::{CorrectionReport, Report, Stopwatch};
 use crate::select::{ControlSpace, SelectError};
 use crate::tolerances;
-use crate::topology::topology;
+use crate::topology::{Topology, topology};
 use crate::volume::{OpenBoundaries, Solid, SolidError, Volumes};
 
 /// A lattice with a pose, as files hold it: model coordinates.
@@ -50,6 +50,29 @@ pub struct JobInput<'a> {
     pub source: &'a Source,
     /// The lattice of [`LatticeRequest::file`], where the job names one.
     pub lattice: Option<&'a PosedLattice>,
+}
+
+/// What a job finds out about its model before anything else.
+#[derive(Clone, Debug)]
+pub struct Examination {
+    /// What the model is.
+    pub health: Health,
+    topology: Topology,
+    body: Result<Body, SolidError>,
+}
+
+impl Examination {
+    /// Examines `mesh`, which came from `source`.
+    #[must_use]
+    pub fn of(mesh: &Mesh, source: &Source) -> Self {
+        let topology = topology(mesh);
+        let (health, solid) = Health::of(mesh, &topology, source);
+        let body = solid.map(|solid| {
+            let rest = health.volume.clone().unwrap_or_else(|| solid.volumes(mesh.points()));
+            Body::new(solid, rest, &health.roles)
+        });
+        Self { health, topology, body }
+    }
 }
 
 /// A stage of a job, for progress displays.
@@ -395,14 +418,34 @@ impl Job {
     pub fn run(&self, input: &JobInput, on_stage: &mut dyn FnMut(Stage)) -> Result<Outcome, JobError> {
         let mut watch = Stopwatch::start();
         on_stage(Stage::Examine);
+        let examination = Examination::of(input.mesh, input.source);
+        watch.lap(Stage::Examine.name());
+        self.run_after(examination, input, watch, on_stage)
+    }
+
+    /// [`Job::run`] for a model that has been examined: what many jobs on one model share.
+    ///
+    /// # Errors
+    ///
+    /// As [`Job::run`].
+    pub fn run_examined(
+        &self,
+        examination: &Examination,
+        input: &JobInput,
+        on_stage: &mut dyn FnMut(Stage),
+    ) -> Result<Outcome, JobError> {
+        self.run_after(examination.clone(), input, Stopwatch::start(), on_stage)
+    }
+
+    fn run_after(
+        &self,
+        examination: Examination,
+        input: &JobInput,
+        mut watch: Stopwatch,
+        on_stage: &mut dyn FnMut(Stage),
+    ) -> Result<Outcome, JobError> {
         let mesh = input.mesh;
-        let topology = topology(mesh);
-        let (health, solid) = Health::of(mesh, &topology, input.source);
-        let at_rest = health.volume.clone();
-        let body = solid.map(|solid| {
-            let rest = at_rest.unwrap_or_else(|| solid.volumes(mesh.points()));
-            Body::new(solid, rest, &health.roles)
-        });
+        let Examination { topology, health, body } = examination;
         let mut warnings = health.warnings.clone();
         let report = |volume, correction, warnings, watch: Stopwatch| Report {
             version: env!("CARGO_PKG_VERSION").into(),
@@ -413,7 +456,6 @@ impl Job {
             timings_ms: watch.timings(),
             warnings,
         };
-        watch.lap(Stage::Examine.name());
         if self.changes_nothing() {
             let body = body.ok();
             let volume = body.as_ref().map(|body| body.rows(&body.rest, &body.rest, &[]));

@@ -25,6 +25,43 @@ pub struct Report {
     pub warnings: Vec<String>,
 }
 
+/// The report of a film: of one job for each of its frames.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct FilmReport {
+    /// Version of the library that made it.
+    pub version: String,
+    /// The model as it was read.
+    pub model: Health,
+    /// What became of it, frame after frame.
+    pub frames: Vec<FrameReport>,
+}
+
+/// The report of one frame: that of its job, less what all frames share.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct FrameReport {
+    /// When, from 0 to 1.
+    pub time: f64,
+    /// As in [`Report`].
+    pub volume: Option<VolumeReport>,
+    /// As in [`Report`].
+    pub correction: CorrectionReport,
+    /// As in [`Report`].
+    pub timings_ms: Timings,
+    /// As in [`Report`].
+    pub warnings: Vec<String>,
+}
+
+impl FrameReport {
+    /// The report of the job at `time`.
+    #[must_use]
+    pub fn of(time: f64, report: Report) -> Self {
+        let Report { volume, correction, timings_ms, warnings, .. } = report;
+        Self { time, volume, correction, timings_ms, warnings }
+    }
+}
+
 /// Volumes in the model's unit cubed, caps included, **outward orientation**: positive for inside-out models too.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]

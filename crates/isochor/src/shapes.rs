@@ -4,9 +4,9 @@
 //! the polygonal solids themselves, not of the smooth shapes they stand for.
 
 use std::collections::HashMap;
-use std::f64::consts::TAU;
+use std::f64::consts::{PI, TAU};
 
-use glam::DVec3;
+use glam::{DMat3, DVec2, DVec3};
 
 use crate::mesh::{Faces, Mesh};
 
@@ -64,6 +64,37 @@ fn block(size: DVec3, n: [usize; 3]) -> Mesh {
         }
     }
     solid(points, faces)
+}
+
+/// The box [0, 2] × [0, 1] × [0, 0.8] with bosses on its sides, 4 along x and 2 along y and z, so that one sees what becomes
+/// of it: with `n` × `n` quads on each side, 6n² + 2 vertices. At fractions u and v of a side with p and q bosses it stands
+/// out by `0.06 sin²(p π u) sin²(q π v)`. The sum of sin² over equal parts is half their number, so the volume is that of the
+/// box and 0.015 times the area of its sides: `1.6 + 0.015 · 8.8`.
+///
+/// # Panics
+///
+/// Panics where `n` is less than 5: bosses need more parts than there are of them.
+#[must_use]
+pub fn embossed_box(n: usize) -> Mesh {
+    const SIZE: DVec3 = DVec3::new(2.0, 1.0, 0.8);
+    const BOSSES: DVec3 = DVec3::new(4.0, 2.0, 2.0);
+    const HEIGHT: f64 = 0.06;
+    assert!(n >= 5, "an embossed box needs at least 5 quads along every side, not {n}");
+    let smooth = block(SIZE, [n; 3]);
+    let wave = |p: DVec3, axis: usize| (PI * BOSSES[axis] * (p[axis] / SIZE[axis])).sin().powi(2);
+    let embossed = |p: &DVec3| {
+        let mut moved = *p;
+        for axis in 0..3 {
+            let height = HEIGHT * wave(*p, (axis + 1) % 3) * wave(*p, (axis + 2) % 3);
+            if p[axis] == 0.0 {
+                moved[axis] -= height;
+            } else if p[axis] == SIZE[axis] {
+                moved[axis] += height;
+            }
+        }
+        moved
+    };
+    solid(smooth.points().iter().map(embossed).collect(), smooth.faces().clone())
 }
 
 /// The icosahedron inscribed in the unit sphere, its triangles divided into four `levels` times, with all vertices on the
@@ -264,25 +295,164 @@ fn bottle_profile(rings: usize) -> Vec<[f64; 2]> {
     (0..=rings).map(ring).collect()
 }
 
-/// The solid round the z-axis between the rings of `profile`, each [radius, z], z ascending.
+/// A screwdriver round the z-axis from z = 0 to 3: a flat blade, a shaft, and a handle with 8 flutes. `2n` rows of quads of
+/// equal height round `n` corners each, and two caps of triangles; n (2n + 1) + 2 vertices. Corner s of the ring at height z
+/// is at `(a ρ cos φ, b ρ sin φ)`, `φ = 2π s/n`, `ρ = 1 + f cos 8φ`; a, b and f go in smooth steps along z. The area of a
+/// ring is `n/2 sin(2π/n) a b (1 + f²/2 cos(16π/n))`, unless n divides 16.
+///
+/// # Panics
+///
+/// Panics where `n` is less than 3.
+#[must_use]
+pub fn screwdriver(n: usize) -> Mesh {
+    assert!(n >= 3, "a screwdriver needs at least 3 segments, not {n}");
+    let ring = |row: usize| {
+        let z = 3.0 * (row as f64 / (2 * n) as f64);
+        // From the blade to the shaft, on to the handle, and its round end.
+        let (shaft, handle, end) = (step(z, 0.0, 0.6), step(z, 1.55, 1.75), step(z, 2.7, 3.0));
+        let round = 0.22 * handle - 0.08 * end;
+        let (a, b) = (0.16 - 0.08 * shaft + round, 0.025 + 0.055 * shaft + round);
+        let flutes = 0.08 * step(z, 1.65, 1.9) * (1.0 - end);
+        let corner = move |s: usize| {
+            let angle = angle(s, n);
+            let (sin, cos) = angle.sin_cos();
+            let rho = 1.0 + flutes * (8.0 * angle).cos();
+            DVec3::new(a * rho * cos, b * rho * sin, z)
+        };
+        (0..n).map(corner).collect()
+    };
+    lofted(&(0..=2 * n).map(ring).collect::<Vec<Vec<DVec3>>>())
+}
+
+/// 0 up to `from`, 1 from `to` on, and `t² (3 − 2t)` between.
+fn step(z: f64, from: f64, to: f64) -> f64 {
+    let t = ((z - from) / (to - from)).clamp(0.0, 1.0);
+    t * t * (3.0 - 2.0 * t)
+}
+
+/// A cup with a handle, one closed surface of genus 1: round the z-axis from z = 0 to 1.6, of radius `0.65 + 0.1 z` at height
+/// z, with a wall 0.08 and a floor 0.1 thick; the handle, towards +x, is a tube of elliptic sections (half axes 0.1 and 0.08)
+/// whose centres lie on half a circle of radius 0.4. The wall has `24n` segments, 8n rows without and within, and the ends of
+/// the tube take the place of n × n of its quads each.
+///
+/// Its volume is that of the cup without handle, frusta of 24n sides, and of the tube, which tends to `0.4 π · 0.1 · 0.08 π` but for
+/// its first and last section, where it becomes a square patch of the wall.
+///
+/// # Panics
+///
+/// Panics where `n` is 0.
+#[must_use]
+pub fn cup(n: usize) -> Mesh {
+    const HEIGHT: f64 = 1.6;
+    const WALL: f64 = 0.08;
+    const FLOOR: f64 = 0.1;
+    /// Half axes of the handle's sections, along y and across; the radius of the circle of their centres.
+    const HANDLE: [f64; 3] = [0.1, 0.08, 0.4];
+    assert!(n > 0, "a cup needs at least 1 quad at each end of its handle");
+    let (segments, rows) = (24 * n, 8 * n);
+    let radius = |z: f64| 0.65 + 0.1 * z;
+    // Up the outer wall, over the rim, and down the inner one.
+    let part = |r: usize| r as f64 / rows as f64;
+    let outer = (0..=rows).map(|r| [radius(HEIGHT * part(r)), HEIGHT * part(r)]);
+    let inner = (0..=rows).rev().map(|r| {
+        let z = FLOOR + (HEIGHT - FLOOR) * part(r);
+        [radius(z) - WALL, z]
+    });
+    let body = revolved(&outer.chain(inner).collect::<Vec<_>>(), segments);
+    // The handle's plane is the middle of the first n segments.
+    let turn = DMat3::from_rotation_z(-angle(n, segments) / 2.0);
+    let mut points: Vec<DVec3> = body.points().iter().map(|p| turn * *p).collect();
+
+    // Rows of the wall where the handle begins and ends. Their quads are the first faces of the body, row after row.
+    let (above, below) = (6 * n, 2 * n);
+    let is_joint = |face: usize| {
+        let (row, segment) = (face / segments, face % segments);
+        segment < n && [above, below].iter().any(|first| (*first..first + n).contains(&row))
+    };
+    let mut faces = Faces::new();
+    for (_, face) in body.faces().iter().enumerate().filter(|(f, _)| !is_joint(*f)) {
+        faces.push(face);
+    }
+
+    // Round the square [0, n]², counter-clockwise as seen from outside above.
+    let square: Vec<[usize; 2]> = (0..n)
+        .map(|i| [i, 0])
+        .chain((0..n).map(|i| [n, i]))
+        .chain((0..n).map(|i| [n - i, n]))
+        .chain((0..n).map(|i| [0, n - i]))
+        .collect();
+    let wall = |row: usize, segment: usize| (row * segments + segment) as u32;
+    let sections = 8 * n;
+    let middle = [above, below].map(|first| HEIGHT * (first as f64 + n as f64 / 2.0) / rows as f64);
+    let mut before: Vec<u32> = square.iter().map(|[u, v]| wall(above + v, *u)).collect();
+    for section in 1..=sections {
+        let next: Vec<u32> = if section == sections {
+            square.iter().map(|[u, v]| wall(below + n - v, *u)).collect()
+        } else {
+            let (sin, cos) = (PI * (section as f64 / sections as f64)).sin_cos();
+            let radial = DVec3::new(sin, 0.0, cos);
+            let height = f64::midpoint(middle[0], middle[1]);
+            let foot = radius(height + HANDLE[2] * cos);
+            let center = DVec3::new(foot, 0.0, height) + HANDLE[2] * radial;
+            let corner = |[u, v]: &[usize; 2]| {
+                let from_middle = |i: usize| i as f64 - n as f64 / 2.0;
+                let out = DVec2::new(from_middle(*u), from_middle(*v)).normalize();
+                center + HANDLE[0] * out.x * DVec3::Y + HANDLE[1] * out.y * radial
+            };
+            let first = points.len() as u32;
+            points.extend(square.iter().map(corner));
+            (first..points.len() as u32).collect()
+        };
+        for i in 0..square.len() {
+            let j = (i + 1) % square.len();
+            faces.push(&[before[i], before[j], next[j], next[i]]);
+        }
+        before = next;
+    }
+    without_unused(&points, &faces)
+}
+
+/// The solid with these faces, its unused vertices left out.
+fn without_unused(points: &[DVec3], faces: &Faces) -> Mesh {
+    let mut is_used = vec![false; points.len()];
+    faces.iter().flatten().for_each(|v| is_used[*v as usize] = true);
+    let mut count = 0;
+    let number = |used: &bool| {
+        count += u32::from(*used);
+        count.saturating_sub(1)
+    };
+    let numbers: Vec<u32> = is_used.iter().map(number).collect();
+    let kept = points.iter().zip(&is_used).filter(|(_, used)| **used).map(|(p, _)| *p).collect();
+    let mut renumbered = Faces::new();
+    for face in faces.iter() {
+        renumbered.push(&face.iter().map(|v| numbers[*v as usize]).collect::<Vec<_>>());
+    }
+    solid(kept, renumbered)
+}
+
+/// The solid round the z-axis between the rings of `profile`, each [radius, z], from below.
 fn revolved(profile: &[[f64; 2]], segments: usize) -> Mesh {
     assert!(segments >= 3, "a solid of revolution needs at least 3 segments, not {segments}");
-    let mut points = Vec::with_capacity(profile.len() * segments + 2);
-    let mut faces = Faces::with_capacity(segments * (profile.len() + 1), segments * (4 * profile.len() + 2));
-    for [radius, z] in profile {
-        points.extend((0..segments).map(|s| round_z(*radius, *z, angle(s, segments))));
-    }
+    let ring = |[radius, z]: &[f64; 2]| (0..segments).map(|s| round_z(*radius, *z, angle(s, segments))).collect();
+    lofted(&profile.iter().map(ring).collect::<Vec<Vec<DVec3>>>())
+}
+
+/// The solid between rings of as many corners each, counter-clockwise seen from above, with caps round the z-axis at both ends.
+fn lofted(rings: &[Vec<DVec3>]) -> Mesh {
+    let segments = rings[0].len();
+    let mut points = rings.concat();
+    let mut faces = Faces::with_capacity(segments * (rings.len() + 1), segments * (4 * rings.len() + 2));
     let (low, high) = (points.len() as u32, points.len() as u32 + 1);
-    points.extend([profile[0], profile[profile.len() - 1]].map(|[_, z]| DVec3::Z * z));
+    points.extend([rings[0][0], rings[rings.len() - 1][0]].map(|p| DVec3::Z * p.z));
     let corner = |ring: usize, s: usize| (ring * segments + s % segments) as u32;
-    for ring in 1..profile.len() {
+    for ring in 1..rings.len() {
         for s in 0..segments {
             faces.push(&[corner(ring - 1, s), corner(ring - 1, s + 1), corner(ring, s + 1), corner(ring, s)]);
         }
     }
     for s in 0..segments {
         faces.push(&[low, corner(0, s + 1), corner(0, s)]);
-        faces.push(&[high, corner(profile.len() - 1, s), corner(profile.len() - 1, s + 1)]);
+        faces.push(&[high, corner(rings.len() - 1, s), corner(rings.len() - 1, s + 1)]);
     }
     solid(points, faces)
 }

@@ -4,7 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 use isochor::shapes::{
-    bottle, chain, cube, cylinder, eared_ball, hollow_bottle, hollow_sphere, icosphere, plate, uv_torus,
+    bottle, chain, cube, cup, cylinder, eared_ball, embossed_box, hollow_bottle, hollow_sphere, icosphere, plate,
+    screwdriver, uv_torus,
 };
 use isochor::{Mesh, OpenBoundaries, Role, Solid, roles, topology};
 
@@ -194,6 +195,86 @@ fn chains_have_the_volume_of_their_links() {
     let [one, next] = [&mesh.points()[..96 * 48], &mesh.points()[96 * 48..]];
     let nearest = one.iter().flat_map(|p| next.iter().map(|q| p.distance(*q))).fold(f64::INFINITY, f64::min);
     assert!((nearest - 0.1).abs() < 1e-9, "{nearest}");
+}
+
+#[test]
+fn embossed_boxes_have_the_volume_of_the_box_and_of_their_bosses() {
+    for n in [5, 6, 13, 48] {
+        let volume = checked_volume(&embossed_box(n), 6 * n * n + 2, 6 * n * n, 1, 0);
+        assert_volume(volume, 1.6 + 0.06 / 4.0 * 2.0 * (2.0 + 1.6 + 0.8));
+    }
+    // Bosses are full where the middles of parts are corners: 4 along x, 2 along the others.
+    let bounds = embossed_box(16).bounds().unwrap();
+    let boss = DVec3::splat(0.06);
+    assert!((bounds.min + boss).length() < 1e-14 && (bounds.max - DVec3::new(2.0, 1.0, 0.8) - boss).length() < 1e-14);
+}
+
+#[test]
+fn screwdrivers_are_stacks_of_prismatoids() {
+    let area = |ring: &[DVec3]| {
+        let next = ring.iter().cycle().skip(1);
+        ring.iter().zip(next).map(|(p, q)| p.x * q.y - q.x * p.y).sum::<f64>() / 2.0
+    };
+    for n in [3, 7, 32, 96] {
+        let mesh = screwdriver(n);
+        let volume = checked_volume(&mesh, n * (2 * n + 1) + 2, 2 * n * (n + 1), 1, 0);
+        let rings: Vec<&[DVec3]> = mesh.points()[..n * (2 * n + 1)].chunks(n).collect();
+        // Between two rings all edges are straight, so the section's area is quadratic in z, and Simpson's rule exact. Half way its corners are
+        // the middles of edges and of the diagonals that divide the quads.
+        let slab = |pair: &[&[DVec3]]| {
+            let [low, high] = [pair[0], pair[1]];
+            let middles: Vec<DVec3> =
+                (0..n).flat_map(|s| [high[s], high[(s + 1) % n]].map(|p| low[s].midpoint(p))).collect();
+            (high[0].z - low[0].z) / 6.0 * (area(low) + 4.0 * area(&middles) + area(high))
+        };
+        assert_volume(volume, rings.windows(2).map(slab).sum());
+        if n < 32 {
+            continue; // flutes are finer
+        }
+        let ring = |z: f64| rings[(z / 3.0 * (2 * n) as f64).round() as usize];
+        let fluted = 1.0 + 0.08 * 0.08 / 2.0 * (16.0 * PI / n as f64).cos();
+        for (z, a, b, flutes) in [(0.0, 0.16, 0.025, 1.0), (1.0, 0.08, 0.08, 1.0), (2.5, 0.3, 0.3, fluted)] {
+            assert_volume(area(ring(z)), polygon_area(n) * a * b * flutes);
+        }
+        assert_eq!((ring(0.0)[0].z, ring(3.0)[0].z), (0.0, 3.0));
+    }
+}
+
+#[test]
+fn cups_are_frusta_and_a_bent_tube() {
+    let tube = 0.4 * PI * (PI * 0.1 * 0.08);
+    for (n, tolerance) in [(1, 0.6), (2, 0.3), (4, 0.15), (12, 0.05)] {
+        let mesh = cup(n);
+        let (segments, rings) = (24 * n, 2 * (8 * n + 1));
+        // Two patches of n × n quads go, with what is inside them; 8n rows of the tube and 8n − 1 rings of 4n corners come.
+        let vertices = segments * rings + 2 - 2 * (n - 1) * (n - 1) + (8 * n - 1) * 4 * n;
+        let faces = segments * (rings + 1) - 2 * n * n + 8 * n * 4 * n;
+        let volume = checked_volume(&mesh, vertices, faces, 1, 1);
+        let frusta = |height: f64, low: f64, high: f64| height * (low * low + low * high + high * high) / 3.0;
+        let body = polygon_area(segments) * (frusta(1.6, 0.65, 0.81) - frusta(1.5, 0.58, 0.73));
+        assert!((volume - body - tube).abs() < tolerance * tube, "{n}: {} of {tube}", volume - body);
+        let bounds = mesh.bounds().unwrap();
+        assert!((bounds.min.z, bounds.max.z) == (0.0, 1.6) && (bounds.max.y + bounds.min.y).abs() < 1e-12);
+        assert!((bounds.max.x - (0.65 + 0.09 + 0.4 + 0.08)).abs() < 0.03, "{bounds:?}");
+    }
+}
+
+#[test]
+#[should_panic(expected = "an embossed box needs at least 5 quads along every side, not 4")]
+fn a_box_with_too_few_quads_for_its_bosses_is_refused() {
+    let _ = embossed_box(4);
+}
+
+#[test]
+#[should_panic(expected = "a screwdriver needs at least 3 segments, not 2")]
+fn a_flat_screwdriver_is_refused() {
+    let _ = screwdriver(2);
+}
+
+#[test]
+#[should_panic(expected = "a cup needs at least 1 quad")]
+fn a_cup_without_quads_is_refused() {
+    let _ = cup(0);
 }
 
 #[test]

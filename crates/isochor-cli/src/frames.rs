@@ -1,0 +1,68 @@
+//! `isochor deform` of a film: one model after the other, written all or not at all.
+
+use isochor::{Examination, FilmReport, FrameReport, Health, JobInput, Outcome, Stopwatch};
+use isochor_io::Document;
+
+use crate::failure::Failure;
+use crate::files::Pending;
+use crate::request::{Request, Requests};
+use crate::run::{json, lattice, write};
+use crate::terminal::{Progress, Terminal};
+
+/// What there is of a frame when it has been computed.
+pub struct Frame<'a> {
+    /// When it is, from 0 to 1.
+    pub time: f64,
+    /// What was asked of it.
+    pub request: &'a Request,
+    /// The model at rest: read and examined once for all frames.
+    pub document: &'a Document,
+    /// What became of it.
+    pub outcome: Outcome,
+}
+
+/// Runs a film and writes its models and its report: all files, or none.
+pub fn run(requests: &Requests, terminal: &Terminal) -> Result<FilmReport, Failure> {
+    let progress = terminal.progress(requests.frames() + 1);
+    let mut pending = Pending::default();
+    let mut frames = Vec::with_capacity(requests.frames());
+    let model = each(requests, &progress, &mut |frame| {
+        let Frame { time, request, document, mut outcome } = frame;
+        let mut writing = Stopwatch::start();
+        write(request, document, &mut outcome, &mut pending)?;
+        writing.lap("write");
+        let mut report = FrameReport::of(time, outcome.report);
+        report.timings_ms.0.extend(writing.timings().0);
+        frames.push(report);
+        Ok(())
+    })?;
+    let report = FilmReport { version: env!("CARGO_PKG_VERSION").into(), model, frames };
+    if let Some(path) = &requests.frame(0)?.report {
+        pending.add(path, json(&report).as_bytes())?;
+    }
+    pending.commit()?;
+    progress.end();
+    Ok(report)
+}
+
+/// Computes all frames in order and hands each to `on_frame`. Gives what the model is.
+pub fn each(
+    requests: &Requests,
+    progress: &Progress,
+    on_frame: &mut dyn FnMut(Frame) -> Result<(), Failure>,
+) -> Result<Health, Failure> {
+    let first = requests.frame(0)?;
+    progress.begin("read");
+    let document = first.model.document(first.output_format)?;
+    let (source, lattice) = (first.model.source(&document), lattice(&first)?);
+    let input = JobInput { mesh: document.mesh(), source: &source, lattice: lattice.as_ref() };
+    let examination = Examination::of(input.mesh, &source);
+    for number in 0..requests.frames() {
+        progress.begin("frames");
+        let (request, time) = (requests.frame(number)?, requests.time(number));
+        let outcome = request.job.run_examined(&examination, &input, &mut |_| {});
+        let outcome = outcome.map_err(|error| Failure::from(error).at_time(number, time))?;
+        on_frame(Frame { time, request: &request, document: &document, outcome })?;
+    }
+    Ok(examination.health)
+}

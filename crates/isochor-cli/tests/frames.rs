@@ -1,0 +1,208 @@
+//! Films from end to end: a model for every frame, all of them or none.
+
+use std::path::{Path, PathBuf};
+use std::process::{Command, Output};
+
+use glam::DVec3;
+use isochor::{OpenBoundaries, Solid, shapes, topology};
+use isochor_io::{Document, Format};
+use serde_json::Value;
+use tempfile::TempDir;
+
+const TWIST: &str = "model = \"shape:cube?n=6\"\noutput = \"out.ply\"\nreport = \"report.json\"\nframes = 5\n\
+    [[edit]]\ntwist = { axis = \"z\", degrees = { keys = [[0, 0], [1, 180]] } }\n\
+    [preserve]\nvolume = { keys = [[0, \"100%\"], [1, \"120%\"]] }\n";
+
+struct Folder(TempDir);
+
+impl Folder {
+    fn with(job: &str) -> Self {
+        let folder = Self(tempfile::tempdir().unwrap());
+        std::fs::write(folder.path("film.toml"), job).unwrap();
+        folder
+    }
+
+    fn path(&self, name: &str) -> PathBuf {
+        self.0.path().join(name)
+    }
+
+    fn isochor(&self, line: &str) -> Output {
+        let mut command = Command::new(env!("CARGO_BIN_EXE_isochor"));
+        command.current_dir(self.0.path()).args(line.split_whitespace()).output().unwrap()
+    }
+
+    /// The report of a film that succeeds.
+    fn film(&self, line: &str) -> Value {
+        let ran = self.isochor(&format!("deform --json --quiet {line}"));
+        assert_eq!(ran.status.code(), Some(0), "{}", String::from_utf8_lossy(&ran.stdout));
+        serde_json::from_slice(&ran.stdout).unwrap()
+    }
+
+    /// The failure of one that does not, with its exit code.
+    fn failure(&self, line: &str) -> (Option<i32>, Value) {
+        let ran = self.isochor(&format!("deform --json --quiet {line}"));
+        let report: Value = serde_json::from_slice(&ran.stdout).unwrap();
+        (ran.status.code(), report["error"].clone())
+    }
+
+    /// Names of all files, in order.
+    fn names(&self) -> Vec<String> {
+        let entries = std::fs::read_dir(self.0.path()).unwrap();
+        let mut names: Vec<String> = entries.map(|entry| entry.unwrap().file_name().into_string().unwrap()).collect();
+        names.sort();
+        names
+    }
+
+    fn points(&self, name: &str) -> Vec<DVec3> {
+        let format = Format::from_path(Path::new(name)).unwrap();
+        Document::parse(std::fs::read(self.path(name)).unwrap(), format).unwrap().mesh().points().to_vec()
+    }
+}
+
+#[test]
+fn a_film_is_a_model_for_every_frame_and_one_report() {
+    let folder = Folder::with(TWIST);
+    let report = folder.film("--job film.toml --save-controls controls.json");
+    let mut expected = vec!["film.toml".to_owned(), "report.json".into()];
+    expected.extend((1..=5).flat_map(|f| [format!("out-000{f}.ply"), format!("controls-000{f}.json")]));
+    expected.sort();
+    assert_eq!(folder.names(), expected);
+    let written: Value = serde_json::from_slice(&std::fs::read(folder.path("report.json")).unwrap()).unwrap();
+    assert_eq!(written, report);
+    assert_eq!((&report["model"]["vertices"], &report["model"]["verdict"]), (&218.into(), &"ok".into()));
+
+    let cube = shapes::cube(6);
+    let solid = Solid::new(&cube, &topology(&cube), OpenBoundaries::Refuse).unwrap();
+    let frames = report["frames"].as_array().unwrap();
+    assert_eq!(frames.len(), 5);
+    for (f, frame) in frames.iter().enumerate() {
+        let time = f as f64 / 4.0;
+        assert_eq!(frame["time"].as_f64(), Some(time));
+        for key in ["volume", "correction", "timings_ms", "warnings"] {
+            assert!(frame.get(key).is_some(), "no {key} in {frame}");
+        }
+        let points = folder.points(&format!("out-000{}.ply", f + 1));
+        let volume = solid.volume(&points);
+        assert!((volume / (1.0 + 0.2 * time) - 1.0).abs() <= 1e-13, "frame {f}: {volume}");
+        assert_eq!(frame["volume"]["written"].as_f64().map(|written| (written - volume).abs() < 1e-14), Some(true));
+    }
+    assert_eq!(folder.points("out-0001.ply"), cube.points(), "nothing has happened yet");
+    let people = folder.isochor("deform --job film.toml");
+    let text = String::from_utf8(people.stderr).unwrap();
+    for line in
+        ["volume at rest   1.000000000000", "relative error at most", "wrote 5 files, out-0001.ply to out-0005.ply"]
+    {
+        assert!(text.contains(line), "{text}");
+    }
+    assert!(people.stdout.is_empty());
+}
+
+#[test]
+fn each_frame_is_the_job_with_its_values() {
+    let folder = Folder::with(TWIST);
+    folder.film("--job film.toml");
+    folder.film("shape:cube?n=6 -o single.ply --twist z=90 --volume 110%");
+    assert_eq!(folder.points("single.ply"), folder.points("out-0003.ply"));
+    let json = r#"{ "model": "shape:cube?n=6", "output": "json.ply", "frames": 5,
+        "edit": [{ "twist": { "axis": "z", "degrees": { "keys": [[0, 0], [1, 180]] } } }],
+        "preserve": { "volume": { "keys": [[0, "100%"], [1, "120%"]] } } }"#;
+    std::fs::write(folder.path("film.json"), json).unwrap();
+    folder.film("--job film.json");
+    for f in 1..=5 {
+        let [toml, json] =
+            ["out", "json"].map(|name| std::fs::read(folder.path(&format!("{name}-000{f}.ply"))).unwrap());
+        assert!(toml == json, "frame {f}");
+    }
+}
+
+#[test]
+fn flags_hold_for_all_frames() {
+    let folder = Folder::with(TWIST);
+    let report = folder.film("--job film.toml -o other.obj --report other.json --preserve free --stretch z=0.5");
+    let row = |f: usize, key: &str| report["frames"][f]["volume"][key].clone();
+    for f in 0..5 {
+        assert_eq!((row(f, "target"), row(f, "final")), (Value::Null, row(f, "posed")));
+    }
+    assert!((row(0, "posed").as_f64().unwrap() - 0.5).abs() < 1e-14);
+    let names = folder.names();
+    assert!(names.contains(&"other-0005.obj".into()) && names.contains(&"other.json".into()), "{names:?}");
+    assert!(!names.contains(&"report.json".into()) && names.len() == 7, "{names:?}");
+}
+
+#[test]
+fn a_frame_that_fails_leaves_nothing() {
+    // Everything is pinned: what has another volume cannot get it back. The first frame has the one it had.
+    let pinned =
+        TWIST.replace("[preserve]\nvolume = { keys = [[0, \"100%\"], [1, \"120%\"]] }", "[preserve]\npin = \"all\"");
+    let folder = Folder::with(&pinned);
+    let (code, error) = folder.failure("--job film.toml");
+    assert_eq!((code, &error["code"]), (Some(1), &"impossible".into()), "{error}");
+    assert!(error["where"].as_str().unwrap().ends_with(", frame 2 at time 0.25"), "{error}");
+    assert_eq!(folder.names(), ["film.toml"]);
+
+    // A vertex between two whole numbers, in the middle.
+    let folder =
+        Folder::with(&format!("{TWIST}falloff = {{ vertex = {{ keys = [[0, 3], [0.5, 3], [1, 5]] }}, radius = 1 }}\n"));
+    let (code, error) = folder.failure("--job film.toml");
+    assert_eq!(code, Some(2));
+    assert!(error["what"].as_str().unwrap().starts_with("preserve.falloff.vertex at time 0.75"), "{error}");
+    assert!(error["where"].as_str().unwrap().contains("film.toml, line 9"), "{error}");
+    assert_eq!(folder.names(), ["film.toml"]);
+
+    // A folder in the way of a later frame.
+    let folder = Folder::with(TWIST);
+    std::fs::create_dir(folder.path("out-0004.ply")).unwrap();
+    let (code, error) = folder.failure("--job film.toml");
+    assert_eq!((code, &error["where"]), (Some(2), &"out-0004.ply".into()));
+    assert_eq!(folder.names(), ["film.toml", "out-0004.ply"]);
+}
+
+#[test]
+fn bad_films_end_with_2() {
+    for (job, flags, fragment, place) in [
+        (TWIST.replace("frames = 5", "frames = 1"), "", "from 2 to 10000", "film.toml, line 4"),
+        (TWIST.replace("frames = 5\n", ""), "", "add frames = 36", "film.toml, line 5"),
+        (TWIST.replace("[1, 180]", "[0, 180]"), "", "edit[0].twist.degrees: keys[1] is at time 0", "film.toml, line 6"),
+        (TWIST.into(), "--in-place", "a film has many models", "--in-place"),
+        (TWIST.replace("\"out.ply\"", "\"out\""), "", "extension", "out"),
+        (TWIST.replace("\"report.json\"", "\"report.txt\""), "", "JSON", "report.txt"),
+        (
+            TWIST.replace(
+                "\"out.ply\"",
+                "\"out.ply\"\nsave_controls = \"out.json\"\nlattice = { file = \"out-0001.json\" }",
+            ),
+            "",
+            "overwrite",
+            "out-0001.json",
+        ),
+    ] {
+        let folder = Folder::with(&job);
+        let (code, error) = folder.failure(&format!("--job film.toml {flags}"));
+        assert_eq!(code, Some(2), "{error}");
+        assert!(error["what"].as_str().unwrap().contains(fragment), "{fragment}: {error}");
+        assert!(error["where"].as_str().unwrap().contains(place), "{place}: {error}");
+        assert_eq!(folder.names(), ["film.toml"]);
+    }
+}
+
+#[test]
+fn more_frames_than_a_process_may_have_open_files() {
+    let many = TWIST.replace("n=6", "n=1").replace("frames = 5", "frames = 1100").replace("out.ply", "many.stl");
+    let folder = Folder::with(&many.replace("[[edit]]", "lattice.size = 2\n[[edit]]"));
+    let report = folder.film("--job film.toml");
+    assert_eq!(report["frames"].as_array().unwrap().len(), 1100);
+    assert_eq!(folder.names().len(), 1102);
+    assert!(folder.path("many-1100.stl").is_file());
+}
+
+#[test]
+fn example_films_run() {
+    let films = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/jobs/films");
+    for (name, frames) in [("bounce", 24), ("twist", 36)] {
+        let folder = Folder::with(&std::fs::read_to_string(films.join(name).with_extension("toml")).unwrap());
+        let report = folder.film("--job film.toml");
+        assert_eq!((report["frames"].as_array().unwrap().len(), folder.names().len()), (frames, frames + 2));
+        let last = &report["frames"][frames - 1];
+        assert!(last["time"].as_f64().unwrap() < 1.0 && last["volume"]["relative_error"].as_f64().unwrap() <= 1e-13);
+    }
+}
