@@ -1,0 +1,275 @@
+//! One pose, drawn: surface, lattice and dots in a panel.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use crate::camera::Camera;
+use crate::color_scale::{ColorScale, NO_VALUE};
+use crate::image::{Image, Rgb};
+use crate::ink::{self, Stroke};
+use crate::light::{color_of, light_of, shaded};
+use crate::normals::Normals;
+use crate::parallel;
+use crate::raster::{Depths, NOTHING, Raster, SAMPLES, Screen};
+use crate::show::ShownLattice;
+use crate::surface::Surface;
+
+/// The model without a scale: a light grey with a little blue.
+const PLAIN: Rgb = [214, 218, 226];
+
+/// The inside of open models: the warm counterpart.
+const INSIDE: Rgb = [219, 164, 120];
+
+/// Part of the light that is left on the inside of models with a scale. Larger: it looks like the outside; smaller: no colour can be read there.
+const BACK: f64 = 0.6;
+
+/// Lattice lines and control points.
+const LATTICE: Rgb = [46, 62, 92];
+const CONTROLS: Rgb = [28, 64, 140];
+
+/// Width of lattice lines and control points, in pixels of a panel of [`REFERENCE`] pixels. Larger: they cover the model; smaller: they vanish.
+const LINE_WIDTH: f64 = 1.0;
+const DOT_WIDTH: f64 = 4.2;
+const REFERENCE: f64 = 480.0;
+
+/// Strength of lattice lines and control points, nearest and farthest: what is far away is paler. Larger: they cover the model; smaller: they vanish.
+const LINE_STRENGTHS: [f64; 2] = [0.62, 0.30];
+const DOT_STRENGTHS: [f64; 2] = [0.95, 0.55];
+
+/// Part of the strength that is left behind the model. Larger: one cannot tell what is before it; smaller: hidden lines vanish.
+const HIDDEN: f32 = 0.22;
+
+/// Steps of a scale. More: memory; fewer: bands of colour.
+const SHADES: usize = 1024;
+
+/// What is drawn.
+pub(crate) struct Panel<'a> {
+    pub(crate) surface: &'a Surface,
+    pub(crate) points: &'a [DVec3],
+    /// Places of the vertices on the scale (not a number: none), and the scale.
+    pub(crate) colored: Option<(&'a [f64], ColorScale)>,
+    pub(crate) lattice: Option<&'a ShownLattice<'a>>,
+    pub(crate) camera: &'a Camera,
+    /// Width and height in pixels.
+    pub(crate) size: [usize; 2],
+    pub(crate) background: Rgb,
+    /// Whether triangles run clockwise seen from outside.
+    pub(crate) is_inside_out: bool,
+}
+
+/// A panel with all that its bands need.
+struct Prepared<'a> {
+    panel: &'a Panel<'a>,
+    raster: Raster<'a>,
+    normals: Normals<'a>,
+    lines: Vec<Stroke>,
+    dots: Vec<Stroke>,
+    palette: Palette,
+}
+
+/// Colours as light.
+struct Palette {
+    plain: DVec3,
+    inside: DVec3,
+    none: DVec3,
+    background: DVec3,
+    lattice: DVec3,
+    controls: DVec3,
+    /// Of the scale from end to end; empty without a scale.
+    shades: Vec<DVec3>,
+}
+
+impl Panel<'_> {
+    /// The panel as an image.
+    pub(crate) fn image(&self) -> Image {
+        let screen = Screen::new(self.camera, self.size);
+        let points = &self.points[..self.surface.vertices()];
+        let seen = parallel::collect(points.len(), |v| self.camera.seen(points[v]));
+        let (raster, normals) = parallel::both(
+            || Raster::new(screen, &self.surface.triangles, &seen),
+            || Normals::new(self.surface, &seen),
+        );
+        let (lines, dots) = self.strokes(&screen);
+        let prepared = Prepared { panel: self, raster, normals, lines, dots, palette: self.palette() };
+        Image::of_rows(self.size[0], parallel::map(screen.bands(), |band| prepared.pixels(band)))
+    }
+
+    fn palette(&self) -> Palette {
+        let shade = |scale: &ColorScale, i: usize| light_of(scale.color_at(i as f64 / (SHADES - 1) as f64));
+        let shades = |(_, scale): &(&[f64], ColorScale)| (0..SHADES).map(|i| shade(scale, i)).collect();
+        Palette {
+            plain: light_of(PLAIN),
+            inside: light_of(INSIDE),
+            none: light_of(NO_VALUE),
+            background: light_of(self.background),
+            lattice: light_of(LATTICE),
+            controls: light_of(CONTROLS),
+            shades: self.colored.as_ref().map(shades).unwrap_or_default(),
+        }
+    }
+
+    /// Lines between neighbouring control points, and the control points.
+    fn strokes(&self, screen: &Screen) -> (Vec<Stroke>, Vec<Stroke>) {
+        let Some(lattice) = self.lattice else { return (Vec::new(), Vec::new()) };
+        let seen: Vec<DVec3> = lattice.controls.iter().map(|c| self.camera.seen(*c)).collect();
+        let distances = seen.iter().filter(|c| c.is_finite()).map(|c| -c.z);
+        let [near, far] = distances.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], w| [low.min(w), high.max(w)]);
+        let strength = |[nearest, farthest]: [f64; 2], place: DVec3| {
+            let depth = if far > near { ((-place.z - near) / (far - near)).clamp(0.0, 1.0) } else { 0.0 };
+            (nearest + (farthest - nearest) * depth) as f32
+        };
+        let zoom = self.size[0].min(self.size[1]) as f64 / REFERENCE;
+        let width = |width: f64| width * zoom.max(1.0);
+        let line = |[a, b]: [usize; 2]| {
+            let ends = [*seen.get(a)?, *seen.get(b)?];
+            Stroke::line(screen, ends, width(LINE_WIDTH), strength(LINE_STRENGTHS, (ends[0] + ends[1]) / 2.0))
+        };
+        let dot = |c: &DVec3| Stroke::dot(screen, *c, width(DOT_WIDTH), strength(DOT_STRENGTHS, *c));
+        (edges(lattice.size, seen.len()).filter_map(line).collect(), seen.iter().filter_map(dot).collect())
+    }
+}
+
+/// Pairs of neighbours in a lattice of `controls` control points; without an axis that has none, and without those that are missing.
+fn edges(size: [usize; 3], controls: usize) -> impl Iterator<Item = [usize; 2]> {
+    let strides = [size[1].saturating_mul(size[2]), size[2], 1];
+    let nodes = strides[0].saturating_mul(size[0]).min(controls);
+    (0..nodes).flat_map(move |node| {
+        let place = [node / strides[0], node / strides[1] % size[1], node % size[2]];
+        (0..3).filter(move |&axis| place[axis] + 1 < size[axis]).map(move |axis| [node, node + strides[axis]])
+    })
+}
+
+impl Prepared<'_> {
+    /// Pixels of a band, row after row.
+    fn pixels(&self, band: usize) -> Vec<Rgb> {
+        let screen = &self.raster.screen;
+        let depths = self.raster.depths(band);
+        let lines = ink::strengths(screen, band, &self.lines, &depths, HIDDEN);
+        let dots = ink::strengths(screen, band, &self.dots, &depths, HIDDEN);
+        let rows = screen.rows(band);
+        let mut brush = Brush::new(self);
+        let mut pixels = Vec::with_capacity(rows.len() / SAMPLES * screen.size[0]);
+        for top in rows.clone().step_by(SAMPLES) {
+            for left in (0..screen.row()).step_by(SAMPLES) {
+                let mut sum = DVec3::ZERO;
+                for y in top..top + SAMPLES {
+                    for x in left..left + SAMPLES {
+                        let sample = (y - rows.start) * screen.row() + x;
+                        let under = brush.light(&depths, sample, x, y);
+                        let lined = under.lerp(self.palette.lattice, f64::from(lines[sample]));
+                        sum += lined.lerp(self.palette.controls, f64::from(dots[sample]));
+                    }
+                }
+                pixels.push(color_of(sum / (SAMPLES * SAMPLES) as f64));
+            }
+        }
+        pixels
+    }
+}
+
+/// Shades samples; knows the triangle of the last one, because the next is mostly on the same.
+struct Brush<'a> {
+    prepared: &'a Prepared<'a>,
+    triangle: u32,
+    /// Products of its corners seen from the eye: of the second and third, the third and first, the first and second. The
+    /// weights of the corners along a line of sight are their products with it.
+    products: [DVec3; 3],
+    normals: [DVec3; 3],
+    /// Places of its corners on the scale.
+    places: [f64; 3],
+    /// Normal on the side that is seen.
+    side: DVec3,
+    is_back: bool,
+}
+
+impl<'a> Brush<'a> {
+    fn new(prepared: &'a Prepared<'a>) -> Self {
+        let (triangle, products, normals) = (NOTHING, [DVec3::ZERO; 3], [DVec3::ZERO; 3]);
+        Self { prepared, triangle, products, normals, places: [0.0; 3], side: DVec3::Z, is_back: false }
+    }
+
+    /// The light from a sample.
+    fn light(&mut self, depths: &Depths, sample: usize, x: usize, y: usize) -> DVec3 {
+        let triangle = depths.triangle[sample];
+        let Prepared { panel, raster, palette, .. } = self.prepared;
+        if triangle == NOTHING {
+            return palette.background;
+        }
+        if triangle != self.triangle {
+            self.take(triangle);
+        }
+        let sight = raster.screen.sight(x, y);
+        let weights = self.products.map(|product| product.dot(sight));
+        let sum: f64 = weights.iter().sum();
+        // Samples at the border may be a little outside; of a triangle that is seen from its side nothing is known.
+        let inner = weights.map(|w| (w / sum).clamp(0.0, 1.0));
+        let sum: f64 = inner.iter().sum();
+        let weights = if sum > 0.0 { inner.map(|w| w / sum) } else { [1.0 / 3.0; 3] };
+
+        let smooth: DVec3 = (0..3).map(|i| self.normals[i] * weights[i]).sum();
+        let normal = smooth.try_normalize().unwrap_or(self.side);
+        let base = if palette.shades.is_empty() {
+            if self.is_back { palette.inside } else { palette.plain }
+        } else {
+            let place: f64 = (0..3).map(|i| self.places[i] * weights[i]).sum();
+            let shade = (place.clamp(0.0, 1.0) * (SHADES - 1) as f64).round();
+            let side = if self.is_back { BACK } else { 1.0 };
+            if shade.is_nan() { palette.none } else { palette.shades[shade as usize] * side }
+        };
+        shaded(base, normal, -sight.normalize(), panel.camera.zenith())
+    }
+
+    /// Makes `triangle` the one that is shaded.
+    fn take(&mut self, triangle: u32) {
+        let Prepared { panel, raster, normals, .. } = self.prepared;
+        let corners = raster.triangles[triangle as usize];
+        let [a, b, c] = corners.map(|v| raster.seen[v as usize]);
+        self.triangle = triangle;
+        self.products = [b.cross(c), c.cross(a), a.cross(b)];
+        // The eye is at 0: it is on the side of the normal n where n · a < 0.
+        let is_clockwise = a.dot(self.products[0]) > 0.0;
+        self.is_back = is_clockwise != panel.is_inside_out;
+        let sign = if is_clockwise { -1.0 } else { 1.0 };
+        self.normals = normals.at_corners(triangle as usize).map(|n| n * sign);
+        self.side = ((b - a).cross(c - a) * sign).try_normalize().unwrap_or(DVec3::Z);
+        if let Some((places, _)) = panel.colored {
+            self.places = corners.map(|v| places[v as usize]);
+        }
+    }
+}
+
+/// Whether a surface over `points` is inside out: its signed volume about the middle of the points is clearly negative.
+pub(crate) fn is_inside_out(surface: &Surface, points: &[DVec3], camera: &Camera) -> bool {
+    let pieces = |range: Range<usize>| {
+        let volume = |[a, b, c]: [DVec3; 3]| a.cross(b).dot(c);
+        let corners = |t: &[u32; 3]| t.map(|v| camera.centered(points[v as usize]));
+        surface.triangles[range].iter().map(corners).map(volume).filter(|v| v.is_finite()).sum::<f64>()
+    };
+    parallel::map_chunks(surface.triangles.len(), parallel::CHUNK, pieces).into_iter().sum::<f64>() < -CLEARLY
+}
+
+/// Six times the volume, in cubed half extents, from which on a surface counts as inside out. Larger: thin bodies that are inside out
+/// show their inside; smaller: open sheets show either side, as rounding wants.
+const CLEARLY: f64 = 1e-6;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lattice_has_an_edge_between_neighbours() {
+        // l (m − 1) n and so on.
+        for [l, m, n] in [[2, 2, 2], [3, 4, 5], [1, 1, 1], [1, 2, 3]] {
+            let count = (l - 1) * m * n + l * (m - 1) * n + l * m * (n - 1);
+            assert_eq!(edges([l, m, n], l * m * n).count(), count);
+        }
+        assert_eq!(edges([2, 1, 2], 4).collect::<Vec<_>>(), [[0, 2], [0, 1], [1, 3], [2, 3]]);
+    }
+
+    #[test]
+    fn a_lattice_without_control_points_has_no_edges() {
+        assert_eq!(edges([0, 3, 3], 9).count(), 0);
+        assert_eq!(edges([usize::MAX; 3], 0).count(), 0);
+    }
+}
