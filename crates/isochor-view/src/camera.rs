@@ -73,11 +73,13 @@ impl Camera {
     pub fn framing(points: &[&[DVec3]], view: &View, size: [f64; 2]) -> Self {
         let (right, up, back) = directions(view);
         let tangent = tangent_of_half(FIELD);
-        let mut camera = Self { center: DVec3::ZERO, unit: 1.0, right, up, back, eye: DVec3::ZERO, tangent, zenith: up };
+        let mut camera =
+            Self { center: DVec3::ZERO, unit: 1.0, right, up, back, eye: DVec3::ZERO, tangent, zenith: up };
         camera.zenith = camera.turned(axis(view.up));
 
         let boxed = |most: fn(DVec3, DVec3) -> DVec3, none: f64| {
-            let of_points = |points: &[DVec3]| points.iter().filter(|p| p.is_finite()).fold(DVec3::splat(none), |m, p| most(m, *p));
+            let of_points =
+                |points: &[DVec3]| points.iter().filter(|p| p.is_finite()).fold(DVec3::splat(none), |m, p| most(m, *p));
             over_chunks(points, of_points).into_iter().fold(DVec3::splat(none), most)
         };
         let (low, high) = (boxed(DVec3::min, f64::INFINITY), boxed(DVec3::max, f64::NEG_INFINITY));
@@ -99,11 +101,8 @@ impl Camera {
         let [right_most, left_most, highest, lowest, nearest] =
             over_chunks(points, of_points).into_iter().reduce(most).filter(|m| m[4].is_finite()).unwrap_or([0.0; 5]);
         let distance = ((right_most + left_most) / (2.0 * across)).max((highest + lowest) / (2.0 * down));
-        camera.eye = DVec3::new(
-            (right_most - left_most) / 2.0,
-            (highest - lowest) / 2.0,
-            distance.max(nearest + NEAREST),
-        );
+        camera.eye =
+            DVec3::new((right_most - left_most) / 2.0, (highest - lowest) / 2.0, distance.max(nearest + NEAREST));
         camera
     }
 

@@ -169,7 +169,7 @@ impl ColorScale {
             Quantity::Displacement => multiples(0.0, self.limit * 100.0),
             Quantity::VolumeChange => match libm::exp(self.limit) * (1.0 + 1e-9) {
                 // Equal steps in percent, while they look about equal.
-                factor if factor < 2.0 => multiples((1.0 / factor - 1.0) * 100.0, (factor - 1.0) * 100.0),
+                factor if factor < 2.1 => multiples((1.0 / factor - 1.0) * 100.0, (factor - 1.0) * 100.0),
                 factor if factor < 10.0 => powers(2.0),
                 _ => powers(10.0),
             },
@@ -182,7 +182,9 @@ fn multiples(low: f64, high: f64) -> Vec<f64> {
     let steps = (-12..=12).flat_map(|decade| [1.0, 2.0, 5.0].map(|digit| (digit, decade)));
     for (digit, decade) in steps {
         // Of whole numbers, so that round numbers come out round.
-        let of = |k: i64| if decade < 0 { k as f64 * digit / power(10.0, -decade) } else { k as f64 * digit * power(10.0, decade) };
+        let of = |k: i64| {
+            if decade < 0 { k as f64 * digit / power(10.0, -decade) } else { k as f64 * digit * power(10.0, decade) }
+        };
         let [first, last] = [(low / of(1) - 1e-9).ceil(), (high / of(1) + 1e-9).floor()];
         if last - first < TICKS as f64 {
             return (first as i64..=last as i64).map(of).collect();

@@ -77,7 +77,8 @@ impl Image {
         let (Ok(x), Ok(y)) = (usize::try_from(x), usize::try_from(y)) else { return };
         if x < self.width && y < self.height {
             let pixel = &mut self.pixels[y * self.width + x];
-            let mixed = |under: u8, over: u8| (f32::from(under) + (f32::from(over) - f32::from(under)) * part).round() as u8;
+            let mixed =
+                |under: u8, over: u8| (f32::from(under) + (f32::from(over) - f32::from(under)) * part).round() as u8;
             *pixel = std::array::from_fn(|i| mixed(pixel[i], color[i]));
         }
     }
@@ -98,13 +99,13 @@ impl Image {
         let columns = other.width.min(self.width.saturating_sub(x));
         for row in 0..other.height.min(self.height.saturating_sub(y)) {
             let to = (y + row) * self.width + x;
-            self.pixels[to..to + columns].copy_from_slice(&other.pixels[row * other.width..row * other.width + columns]);
+            self.pixels[to..to + columns]
+                .copy_from_slice(&other.pixels[row * other.width..row * other.width + columns]);
         }
     }
 
-    /// The image of rows of pixels, `width` each.
-    pub(crate) fn of_rows(width: usize, rows: Vec<Vec<Rgb>>) -> Self {
-        let pixels = rows.concat();
+    /// The image of rows of pixels, `width` each; at least one row.
+    pub(crate) fn of_rows(width: usize, pixels: Vec<Rgb>) -> Self {
         Self { width, height: pixels.len() / width, pixels }
     }
 }

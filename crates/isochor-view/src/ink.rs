@@ -60,11 +60,8 @@ pub(crate) fn strengths(screen: &Screen, band: usize, strokes: &[Stroke], depths
             let [left, right] = [a.place[0] + along[0] * from, a.place[0] + along[0] * to];
             for x in range(left, right, 0, screen.row()) {
                 let across = x as f64 + 0.5 - a.place[0];
-                let part = if squared > 0.0 {
-                    ((across * along[0] + down * along[1]) / squared).clamp(0.0, 1.0)
-                } else {
-                    0.0
-                };
+                let part =
+                    if squared > 0.0 { ((across * along[0] + down * along[1]) / squared).clamp(0.0, 1.0) } else { 0.0 };
                 let [dx, dy] = [across - along[0] * part, down - along[1] * part];
                 let ink = (reach - (dx * dx + dy * dy).sqrt()).clamp(0.0, 1.0) as f32 * strength;
                 if ink > 0.0 {

@@ -94,7 +94,7 @@ mod tests {
     #[test]
     fn labels_keep_apart() {
         let ranges = [[0.0, 10.0], [8.0, 18.0], [20.0, 30.0], [31.0, 41.0], [42.0, 52.0]];
-        assert_eq!(apart(&ranges, 2.0), [true, false, true, false, true].map(|shown| shown));
+        assert_eq!(apart(&ranges, 3.0), [true, false, true, false, true]);
         assert_eq!(apart(&ranges, 0.5), [false, true, true, true, true]);
         assert_eq!(apart(&[], 1.0), [false; 0]);
     }

@@ -17,10 +17,10 @@ const FILL: DVec3 = DVec3::new(0.76, 0.05, 0.648);
 
 /// Brightness of the lamps and of the sky straight above and below. Their sum on a face towards the key lamp is about 1. Larger: colours
 /// wash out; smaller: the model is gloomy.
-const KEY_BRIGHTNESS: f64 = 0.56;
-const FILL_BRIGHTNESS: f64 = 0.20;
+const KEY_BRIGHTNESS: f64 = 0.62;
+const FILL_BRIGHTNESS: f64 = 0.22;
 const SKY: f64 = 0.36;
-const GROUND: f64 = 0.16;
+const GROUND: f64 = 0.18;
 
 /// How much of the light is left where the surface turns away. Larger: outlines vanish on a white page; smaller: like a drawing in ink.
 const RIM: f64 = 0.62;

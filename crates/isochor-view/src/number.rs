@@ -28,7 +28,7 @@ pub(crate) fn change(value: f64, reference: f64) -> Option<String> {
         c if !c.is_finite() => None,
         c if c <= NO_CHANGE => Some("±0 %".into()),
         // Two decimals would show nothing.
-        c if c < 5e-5 || c >= 1e4 => {
+        c if !(5e-5..1e4).contains(&c) => {
             let scientific = format!("{:+.1e}", change * 100.0);
             let (digits, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
             Some(format!("{}·10{} %", with_minus(digits.into()), raised(exponent)))
@@ -50,7 +50,7 @@ pub(crate) fn signed_percent(percent: f64) -> String {
 /// Up to six digits, no zeros behind them.
 fn plain(value: f64) -> String {
     let digits_before = format!("{value:e}").split_once('e').and_then(|(_, e)| e.parse::<i32>().ok()).unwrap_or(0);
-    if digits_before < -6 || digits_before > 6 {
+    if !(-6..=6).contains(&digits_before) {
         let scientific = format!("{value:e}");
         let (digits, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
         return format!("{}·10{}", with_minus(digits.into()), raised(exponent));
@@ -118,7 +118,9 @@ mod tests {
 
     #[test]
     fn percentages_have_no_needless_digits() {
-        for (value, text) in [(0.0, "0 %"), (12.5, "+12.5 %"), (-50.0, "−50 %"), (100.0, "+100 %"), (-99.99, "−99.99 %")] {
+        for (value, text) in
+            [(0.0, "0 %"), (12.5, "+12.5 %"), (-50.0, "−50 %"), (100.0, "+100 %"), (-99.99, "−99.99 %")]
+        {
             assert_eq!(signed_percent(value), text);
         }
         assert_eq!(percent(0.05), "0.05 %");

@@ -11,12 +11,12 @@ use crate::ink::{self, Stroke};
 use crate::light::{color_of, light_of, shaded};
 use crate::normals::Normals;
 use crate::parallel;
-use crate::raster::{Depths, NOTHING, Raster, SAMPLES, Screen};
+use crate::raster::{BAND, NOTHING, Raster, SAMPLES, Screen};
 use crate::show::ShownLattice;
 use crate::surface::Surface;
 
 /// The model without a scale: a light grey with a little blue.
-const PLAIN: Rgb = [214, 218, 226];
+const PLAIN: Rgb = [222, 225, 232];
 
 /// The inside of open models: the warm counterpart.
 const INSIDE: Rgb = [219, 164, 120];
@@ -34,7 +34,7 @@ const DOT_WIDTH: f64 = 4.2;
 const REFERENCE: f64 = 480.0;
 
 /// Strength of lattice lines and control points, nearest and farthest: what is far away is paler. Larger: they cover the model; smaller: they vanish.
-const LINE_STRENGTHS: [f64; 2] = [0.62, 0.30];
+const LINE_STRENGTHS: [f64; 2] = [0.58, 0.26];
 const DOT_STRENGTHS: [f64; 2] = [0.95, 0.55];
 
 /// Part of the strength that is left behind the model. Larger: one cannot tell what is before it; smaller: hidden lines vanish.
@@ -51,8 +51,9 @@ pub(crate) struct Panel<'a> {
     pub(crate) colored: Option<(&'a [f64], ColorScale)>,
     pub(crate) lattice: Option<&'a ShownLattice<'a>>,
     pub(crate) camera: &'a Camera,
-    /// Width and height in pixels.
+    /// Width and height in pixels, and which of the rows are wanted.
     pub(crate) size: [usize; 2],
+    pub(crate) rows: Range<usize>,
     pub(crate) background: Rgb,
     /// Whether triangles run clockwise seen from outside.
     pub(crate) is_inside_out: bool,
@@ -81,7 +82,7 @@ struct Palette {
 }
 
 impl Panel<'_> {
-    /// The panel as an image.
+    /// The wanted rows of the panel as an image.
     pub(crate) fn image(&self) -> Image {
         let screen = Screen::new(self.camera, self.size);
         let points = &self.points[..self.surface.vertices()];
@@ -92,7 +93,11 @@ impl Panel<'_> {
         );
         let (lines, dots) = self.strokes(&screen);
         let prepared = Prepared { panel: self, raster, normals, lines, dots, palette: self.palette() };
-        Image::of_rows(self.size[0], parallel::map(screen.bands(), |band| prepared.pixels(band)))
+        let first = self.rows.start / BAND;
+        let bands = parallel::map(self.rows.end.div_ceil(BAND) - first, |band| prepared.pixels(first + band));
+        let skipped = (self.rows.start - first * BAND) * self.size[0];
+        let pixels = bands.into_iter().flatten().skip(skipped).take(self.rows.len() * self.size[0]).collect();
+        Image::of_rows(self.size[0], pixels)
     }
 
     fn palette(&self) -> Palette {
@@ -114,7 +119,8 @@ impl Panel<'_> {
         let Some(lattice) = self.lattice else { return (Vec::new(), Vec::new()) };
         let seen: Vec<DVec3> = lattice.controls.iter().map(|c| self.camera.seen(*c)).collect();
         let distances = seen.iter().filter(|c| c.is_finite()).map(|c| -c.z);
-        let [near, far] = distances.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], w| [low.min(w), high.max(w)]);
+        let [near, far] =
+            distances.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], w| [low.min(w), high.max(w)]);
         let strength = |[nearest, farthest]: [f64; 2], place: DVec3| {
             let depth = if far > near { ((-place.z - near) / (far - near)).clamp(0.0, 1.0) } else { 0.0 };
             (nearest + (farthest - nearest) * depth) as f32
@@ -136,7 +142,9 @@ fn edges(size: [usize; 3], controls: usize) -> impl Iterator<Item = [usize; 2]> 
     let nodes = strides[0].saturating_mul(size[0]).min(controls);
     (0..nodes).flat_map(move |node| {
         let place = [node / strides[0], node / strides[1] % size[1], node % size[2]];
-        (0..3).filter(move |&axis| place[axis] + 1 < size[axis]).map(move |axis| [node, node + strides[axis]])
+        (0..3)
+            .filter(move |&axis| place[axis] + 1 < size[axis])
+            .map(move |axis| [node, node.saturating_add(strides[axis])])
     })
 }
 
@@ -152,21 +160,25 @@ impl Prepared<'_> {
         let mut pixels = Vec::with_capacity(rows.len() / SAMPLES * screen.size[0]);
         for top in rows.clone().step_by(SAMPLES) {
             for left in (0..screen.row()).step_by(SAMPLES) {
-                let mut sum = DVec3::ZERO;
-                for y in top..top + SAMPLES {
-                    for x in left..left + SAMPLES {
-                        let sample = (y - rows.start) * screen.row() + x;
-                        let under = brush.light(&depths, sample, x, y);
-                        let lined = under.lerp(self.palette.lattice, f64::from(lines[sample]));
-                        sum += lined.lerp(self.palette.controls, f64::from(dots[sample]));
-                    }
-                }
-                pixels.push(color_of(sum / (SAMPLES * SAMPLES) as f64));
+                let first = (top - rows.start) * screen.row() + left;
+                let samples: [usize; SAMPLES * SAMPLES] =
+                    std::array::from_fn(|i| first + i / SAMPLES * screen.row() + i % SAMPLES);
+                let light = brush.lights(samples.map(|sample| depths.triangle[sample]), [left, top]);
+                let inked = |(sample, light): (usize, DVec3)| {
+                    let lined = light.lerp(self.palette.lattice, f64::from(lines[sample]));
+                    lined.lerp(self.palette.controls, f64::from(dots[sample]))
+                };
+                let sum: DVec3 = samples.into_iter().zip(light).map(inked).sum();
+                pixels.push(color_of(sum / samples.len() as f64));
             }
         }
         pixels
     }
 }
+
+/// So many triangles of a pixel are shaded, each once; others look like their mean. More: time; fewer: pixels with more
+/// triangles than this are noisy.
+const SHADED: usize = 4;
 
 /// Shades samples; knows the triangle of the last one, because the next is mostly on the same.
 struct Brush<'a> {
@@ -189,9 +201,31 @@ impl<'a> Brush<'a> {
         Self { prepared, triangle, products, normals, places: [0.0; 3], side: DVec3::Z, is_back: false }
     }
 
-    /// The light from a sample.
-    fn light(&mut self, depths: &Depths, sample: usize, x: usize, y: usize) -> DVec3 {
-        let triangle = depths.triangle[sample];
+    /// The light from all samples of the pixel whose first sample is `first` from the left and the top.
+    fn lights(&mut self, triangles: [u32; SAMPLES * SAMPLES], first: [usize; 2]) -> [DVec3; SAMPLES * SAMPLES] {
+        let mut known = [(NOTHING, self.prepared.palette.background); SHADED + 1];
+        let mut count = 1;
+        let [left, top] = first.map(|x| x as f64 + 0.5);
+        let is_alike = triangles.iter().all(|t| *t == triangles[0]);
+        if is_alike {
+            // Of one triangle the light of the pixel's middle will do.
+            let middle = (SAMPLES - 1) as f64 / 2.0;
+            return [self.light(triangles[0], [left + middle, top + middle]); SAMPLES * SAMPLES];
+        }
+        for (i, &triangle) in triangles.iter().enumerate() {
+            if count <= SHADED && known[..count].iter().all(|(t, _)| *t != triangle) {
+                let at = [left + (i % SAMPLES) as f64, top + (i / SAMPLES) as f64];
+                known[count] = (triangle, self.light(triangle, at));
+                count += 1;
+            }
+        }
+        let shaded = &known[1..count];
+        let mean = shaded.iter().map(|(_, light)| *light).sum::<DVec3>() / shaded.len().max(1) as f64;
+        triangles.map(|triangle| known[..count].iter().find(|(t, _)| *t == triangle).map_or(mean, |(_, light)| *light))
+    }
+
+    /// The light from `triangle` at a place of the screen, in samples from the left and the top.
+    fn light(&mut self, triangle: u32, at: [f64; 2]) -> DVec3 {
         let Prepared { panel, raster, palette, .. } = self.prepared;
         if triangle == NOTHING {
             return palette.background;
@@ -199,7 +233,7 @@ impl<'a> Brush<'a> {
         if triangle != self.triangle {
             self.take(triangle);
         }
-        let sight = raster.screen.sight(x, y);
+        let sight = raster.screen.sight(at);
         let weights = self.products.map(|product| product.dot(sight));
         let sum: f64 = weights.iter().sum();
         // Samples at the border may be a little outside; of a triangle that is seen from its side nothing is known.

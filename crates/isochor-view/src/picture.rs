@@ -1,5 +1,7 @@
 //! Pictures: poses side by side or in rows, with captions and a scale, all with one camera.
 
+use std::ops::Range;
+
 use glam::DVec3;
 use isochor::Bounds;
 
@@ -28,7 +30,7 @@ pub enum Coloring {
 /// How a picture looks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PictureOptions {
-    /// Width and height of a pose in pixels, without its caption.
+    /// Width and height of a pose in pixels, without its caption. Rows that are empty in all poses are cut off, unless there is a `camera`.
     pub panel: [usize; 2],
     /// Colour of the page; captions are dark on light pages and light on dark ones.
     pub background: Rgb,
@@ -88,7 +90,10 @@ pub fn strip(show: &Show, options: &StripOptions) -> Image {
     chosen.retain(|&pose| pose < show.poses.len());
     let about_twice = |n: usize| (1..=n).find(|columns| columns * columns >= 2 * n).unwrap_or(n);
     let columns = options.columns.unwrap_or_else(|| about_twice(chosen.len())).clamp(1, chosen.len().max(1));
-    let numbered = |index: usize, pose: &ShownPose| format!("{} {}", index + 1, pose.name).trim_end().to_owned();
+    let numbered = |index: usize, pose: &ShownPose| match &pose.name[..] {
+        "" => format!("{}", index + 1),
+        name => format!("{} · {name}", index + 1),
+    };
     Scene::new(show, &options.picture).sheet(&chosen, columns, &numbered)
 }
 
@@ -105,11 +110,28 @@ fn named(_index: usize, pose: &ShownPose) -> String {
 
 /// Of the logarithms of volume changes, and of displacements, this part is within the scale. Larger: a few folds at sharp corners take all colours;
 /// smaller: large changes look alike.
-const WITHIN: f64 = 0.995;
+const WITHIN: f64 = 0.98;
 
 /// Scales of volume changes end at one of these factors.
-const FACTORS: [f64; 17] = [
-    1.001, 1.002, 1.005, 1.01, 1.02, 1.05, 1.1, 1.2, 1.5, 2.0, 4.0, 8.0, 10.0, 100.0, 1000.0, 10_000.0, 1_000_000.0,
+const FACTORS: [f64; 18] = [
+    1.001,
+    1.002,
+    1.005,
+    1.01,
+    1.02,
+    1.05,
+    1.1,
+    1.2,
+    1.5,
+    2.0,
+    3.0,
+    4.0,
+    8.0,
+    10.0,
+    100.0,
+    1000.0,
+    10_000.0,
+    1_000_000.0,
 ];
 
 /// What all panels have in common.
@@ -123,6 +145,8 @@ struct Scene<'a> {
     /// Whether some value has no place on the scale.
     with_no_value: bool,
     size: [usize; 2],
+    /// Rows of pixels of a panel in which something is drawn in some pose.
+    rows: Range<usize>,
 }
 
 impl<'a> Scene<'a> {
@@ -130,16 +154,16 @@ impl<'a> Scene<'a> {
         let size = options.panel.map(|side| side.clamp(1, MAX_PANEL));
         let vertices = show.poses.iter().map(|pose| pose.points.len()).min().unwrap_or(0);
         let rest = show.poses.first().map_or(&[][..], |pose| &pose.points[..]);
-        let surface = Surface::new(show.faces, rest, vertices);
-        let camera = options.camera.unwrap_or_else(|| {
-            let controls = show.poses.iter().filter(|_| options.with_lattice).filter_map(|pose| pose.lattice.as_ref());
-            let controls = controls.map(|lattice| &lattice.controls[..]);
-            let points: Vec<&[DVec3]> = show.poses.iter().map(|pose| &pose.points[..]).chain(controls).collect();
-            Camera::framing(&points, &options.view, size.map(|side| side as f64))
-        });
+        let lattices = show.poses.iter().filter(|_| options.with_lattice).filter_map(|pose| pose.lattice.as_ref());
+        let controls = lattices.map(|lattice| &lattice.controls[..]);
+        let points: Vec<&[DVec3]> = show.poses.iter().map(|pose| &pose.points[..]).chain(controls).collect();
+        let framing = || Camera::framing(&points, &options.view, size.map(|side| side as f64));
+        let (surface, camera) =
+            parallel::both(|| Surface::new(show.faces, rest, vertices), || options.camera.unwrap_or_else(framing));
         let is_inside_out = is_inside_out(&surface, rest, &camera);
-        let mut scene =
-            Self { show, options, surface, camera, is_inside_out, scale: None, with_no_value: false, size };
+        let rows = if options.camera.is_some() { 0..size[1] } else { used_rows(&points, &camera, size) };
+        let (scale, with_no_value) = (None, false);
+        let mut scene = Self { show, options, surface, camera, is_inside_out, scale, with_no_value, size, rows };
         (scene.scale, scene.with_no_value) = scene.fitted_scale();
         scene
     }
@@ -199,6 +223,7 @@ impl<'a> Scene<'a> {
             lattice: lattice.as_ref().filter(|_| self.options.with_lattice),
             camera: &self.camera,
             size: self.size,
+            rows: self.rows.clone(),
             background: self.options.background,
             is_inside_out: self.is_inside_out,
         };
@@ -209,7 +234,7 @@ impl<'a> Scene<'a> {
     fn sheet(&self, poses: &[usize], columns: usize, name: &dyn Fn(usize, &ShownPose) -> String) -> Image {
         let page = Page::new(self.options, self.size);
         let rows = poses.len().div_ceil(columns).max(1);
-        let [across, down] = [self.size[0] + page.gap, self.size[1] + page.caption];
+        let [across, down] = [self.size[0] + page.gap, self.rows.len() + page.caption];
         let title = if self.options.title.is_some() { page.title } else { 0 };
         let legend = if self.scale.is_some() { page.legend } else { 0 };
         let width = 2 * page.margin + columns * across - page.gap;
@@ -226,25 +251,49 @@ impl<'a> Scene<'a> {
             let (x, y) = (page.margin + place % columns * across, page.margin + title + place / columns * down);
             image.put(&self.panel(index), x, y);
             let middle = x as f32 + self.size[0] as f32 / 2.0;
-            let mut below = (y + self.size[1]) as f32 + page.plain.height * 0.2;
+            let mut below = (y + self.rows.len()) as f32 + page.plain.height * 0.2;
             page.name.write_centered(&mut image, &name(index, pose), [middle, below], self.size[0] as f32);
             below += page.name.height;
             let volume = volume_text(pose.volume, first.filter(|_| index > 0));
             page.plain.write_centered(&mut image, &volume, [middle, below], self.size[0] as f32);
         }
         if let Some(scale) = &self.scale {
-            let legend = Legend {
-                scale,
-                lettering: page.plain,
-                with_no_value: self.with_no_value,
-                frame: page.plain.color,
-            };
+            let legend =
+                Legend { scale, lettering: page.plain, with_no_value: self.with_no_value, frame: page.plain.color };
             let top = (page.margin + title + rows * down) as f32;
             legend.draw(&mut image, [middle, top], page.bar.min(width as f32 * 0.7));
         }
         image
     }
 }
+
+/// The rows of a panel in which points appear, with a border; all of them where there are no points.
+fn used_rows(points: &[&[DVec3]], camera: &Camera, size: [usize; 2]) -> Range<usize> {
+    let [width, height] = size.map(|side| side as f64);
+    let least = [f64::INFINITY, f64::NEG_INFINITY];
+    let both = |[low, high]: [f64; 2], [l, h]: [f64; 2]| [low.min(l), high.max(h)];
+    let of_list = |points: &&[DVec3]| {
+        parallel::map_chunks(points.len(), parallel::CHUNK, |range| {
+            let rows = points[range].iter().filter_map(|p| camera.projected(*p, [width, height])).map(|[_, y]| [y, y]);
+            rows.fold(least, both)
+        })
+    };
+    let [top, bottom] = points.iter().flat_map(of_list).fold(least, both);
+    if top > bottom {
+        return 0..size[1];
+    }
+    let border = BORDER * width.min(height);
+    let middle = (top + bottom) / 2.0;
+    let half = ((bottom - top) / 2.0 + border).max(LOWEST * height / 2.0);
+    let row = |y: f64| y.clamp(0.0, height) as usize;
+    row((middle - half).floor())..row((middle + half).ceil()).max(1)
+}
+
+/// What is kept free above and below the points, relative to the shorter side of a panel. Larger: empty paper; smaller: captions touch the model.
+const BORDER: f64 = 0.025;
+
+/// Panels keep at least this part of their height. Larger: empty paper round flat models; smaller: pictures like ribbons.
+const LOWEST: f64 = 0.25;
 
 /// The volume of a pose, and its change: "V = 0.04175   −39.16 %".
 fn volume_text(volume: Option<f64>, first: Option<f64>) -> String {
@@ -274,7 +323,8 @@ impl Page {
         let [r, g, b] = options.background.map(f32::from);
         let is_light = 0.3 * r + 0.59 * g + 0.11 * b > 127.0;
         let (strong, quiet) = if is_light { ([24, 28, 36], [74, 80, 92]) } else { ([240; 3], [190, 194, 202]) };
-        let lettering = |height: f32, is_bold: bool, color: Rgb| Lettering { height: (height * em).round(), is_bold, color };
+        let lettering =
+            |height: f32, is_bold: bool, color: Rgb| Lettering { height: (height * em).round(), is_bold, color };
         let plain = lettering(1.0, false, quiet);
         let pixels = |ems: f32| (ems * em).round() as usize;
         Self {
@@ -293,4 +343,3 @@ impl Page {
 
 /// The longest side of a panel in pixels. Larger: memory for samples of a band; smaller: posters are coarse.
 const MAX_PANEL: usize = 8192;
-

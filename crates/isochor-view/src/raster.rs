@@ -62,7 +62,7 @@ struct Corner {
     x: i32,
     y: i32,
     /// 1/w; negative where the triangle must be cut, not a number where the corner has no place.
-    inverse: f64,
+    inverse: f32,
 }
 
 impl Screen {
@@ -90,10 +90,9 @@ impl Screen {
         band * BAND * SAMPLES..((band + 1) * BAND).min(self.size[1]) * SAMPLES
     }
 
-    /// The line of sight through a sample's centre, with z = −1.
-    pub(crate) fn sight(&self, x: usize, y: usize) -> DVec3 {
-        let [left, top] = [x as f64 + 0.5 - self.middle[0], y as f64 + 0.5 - self.middle[1]];
-        DVec3::new(left / self.scale, -top / self.scale, -1.0)
+    /// The line of sight through a place, in samples from the left and the top, with z = −1.
+    pub(crate) fn sight(&self, [x, y]: [f64; 2]) -> DVec3 {
+        DVec3::new((x - self.middle[0]) / self.scale, (self.middle[1] - y) / self.scale, -1.0)
     }
 
     /// Where a place seen from the eye is on the screen. `None` where it is not before the eye, or too far aside.
@@ -147,9 +146,11 @@ impl Screen {
     fn corner(&self, seen: DVec3) -> Corner {
         let snapped = |x: f64| (x * GRID).round() as i32;
         match self.spot(seen) {
-            Some(Spot { place, inverse }) => Corner { x: snapped(place[0]), y: snapped(place[1]), inverse },
+            Some(Spot { place, inverse }) => {
+                Corner { x: snapped(place[0]), y: snapped(place[1]), inverse: inverse as f32 }
+            }
             None if seen.is_finite() => Corner { x: 0, y: 0, inverse: -1.0 },
-            None => Corner { x: 0, y: 0, inverse: f64::NAN },
+            None => Corner { x: 0, y: 0, inverse: f32::NAN },
         }
     }
 }
@@ -254,7 +255,8 @@ impl<'a> Raster<'a> {
         }
         // Clockwise on the screen, whose y points down.
         let [a, b, c] = if area > 0 { *corners } else { [corners[0], corners[2], corners[1]] };
-        let start = Corner { x: columns[0] as i32 * 256 + 128, y: top.max(rows.start) as i32 * 256 + 128, inverse: 0.0 };
+        let start =
+            Corner { x: columns[0] as i32 * 256 + 128, y: top.max(rows.start) as i32 * 256 + 128, inverse: 0.0 };
         // Opposite to each corner: the value of the edge's function at the first sample, and its steps to the right and down. Samples
         // on an edge belong to the triangle whose left or upper edge it is.
         let edge = |from: &Corner, to: &Corner| {
@@ -263,7 +265,8 @@ impl<'a> Raster<'a> {
             (cross(from, to, &start), i64::from(!is_ours), -dy * 256, dx * 256)
         };
         let edges = [edge(&b, &c), edge(&c, &a), edge(&a, &b)];
-        let weights = [a.inverse, b.inverse, c.inverse].map(|inverse| inverse / area.abs() as f64);
+        let inverse_area = 1.0 / area.abs() as f64;
+        let weights = [a, b, c].map(|corner| f64::from(corner.inverse) * inverse_area);
         let step = (0..3).map(|i| edges[i].2 as f64 * weights[i]).sum::<f64>();
         for y in top.max(rows.start)..=bottom.min(rows.end.wrapping_sub(1)) {
             let down = (y - top.max(rows.start)) as i64;
@@ -284,6 +287,137 @@ impl<'a> Raster<'a> {
                 }
                 (0..3).for_each(|i| values[i] += edges[i].2);
             }
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    const SIZE: [usize; 2] = [100, 80];
+
+    /// An eye at the origin that looks along y, z up.
+    fn eye() -> Camera {
+        Camera::looking(DVec3::ZERO, DVec3::Y, DVec3::Z)
+    }
+
+    /// The triangle that is seen at each sample, row after row.
+    fn drawn(points: &[DVec3], triangles: &[[u32; 3]]) -> Vec<u32> {
+        let seen: Vec<DVec3> = points.iter().map(|p| eye().seen(*p)).collect();
+        let raster = Raster::new(Screen::new(&eye(), SIZE), triangles, &seen);
+        (0..raster.screen.bands()).flat_map(|band| raster.depths(band).triangle).collect()
+    }
+
+    fn count(seen: &[u32], triangle: u32) -> usize {
+        seen.iter().filter(|t| **t == triangle).count()
+    }
+
+    /// A place at distance 2 that is seen so many samples from the left and the top.
+    fn place([x, y]: [f64; 2]) -> DVec3 {
+        let sight = Screen::new(&eye(), SIZE).sight([x, y]);
+        DVec3::new(sight.x, 1.0, sight.y) * 2.0
+    }
+
+    #[test]
+    fn a_triangle_covers_its_area() {
+        // As many sample centres are inside as the area has samples, up to half the length of the border (and of the snapping).
+        for corners in [
+            [[10.0, 10.0], [200.0, 40.0], [90.0, 200.0]],
+            [[3.3, 230.1], [290.7, 3.9], [150.0, 120.0]],
+            [[100.2, 100.7], [130.4, 101.9], [131.3, 140.8]],
+        ] {
+            let [a, b, c]: [[f64; 2]; 3] = corners;
+            let area = ((b[0] - a[0]) * (c[1] - a[1]) - (b[1] - a[1]) * (c[0] - a[0])).abs() / 2.0;
+            let side = |a: [f64; 2], b: [f64; 2]| ((a[0] - b[0]).powi(2) + (a[1] - b[1]).powi(2)).sqrt();
+            let border = side(a, b) + side(b, c) + side(c, a);
+            let seen = drawn(&corners.map(place), &[[0, 1, 2]]);
+            assert!((count(&seen, 0) as f64 - area).abs() <= border / 2.0, "{} for {area}", count(&seen, 0));
+            // Either side, any first corner.
+            for turned in [[1, 2, 0], [2, 1, 0]] {
+                assert_eq!(drawn(&corners.map(place), &[turned]), seen);
+            }
+        }
+    }
+
+    #[test]
+    fn triangles_with_a_common_edge_share_no_sample_and_leave_none_out() {
+        // A fan round a point on a sample's centre, its rim outside of the screen.
+        let middle = [150.5, 120.5];
+        let rim = (0..17).map(|k| {
+            let (sin, cos) = (f64::from(k) * std::f64::consts::TAU / 17.0).sin_cos();
+            place([middle[0] + 400.0 * cos, middle[1] + 400.0 * sin])
+        });
+        let points: Vec<DVec3> = rim.chain([place(middle)]).collect();
+        let fan: Vec<[u32; 3]> = (0..17).map(|k| [17, k, (k + 1) % 17]).collect();
+        let all = drawn(&points, &fan);
+        assert_eq!(all.len(), SIZE[0] * SIZE[1] * SAMPLES * SAMPLES);
+        assert_eq!(count(&all, NOTHING), 0);
+        let alone: usize = fan.iter().map(|t| count(&drawn(&points, &[*t]), 0)).sum();
+        assert_eq!(alone, all.len());
+    }
+
+    #[test]
+    fn the_nearer_triangle_is_seen() {
+        let near = [[50.0, 50.0], [250.0, 60.0], [120.0, 220.0]].map(place);
+        let far = [[80.0, 20.0], [280.0, 200.0], [40.0, 180.0]].map(|p| place(p) * 1.5);
+        let points: Vec<DVec3> = near.into_iter().chain(far).collect();
+        let (near_only, far_only) = (drawn(&points, &[[0, 1, 2]]), drawn(&points, &[[3, 4, 5]]));
+        let seen = drawn(&points, &[[0, 1, 2], [3, 4, 5]]);
+        for (sample, seen) in seen.iter().enumerate() {
+            let expected = match (near_only[sample], far_only[sample]) {
+                (0, _) => 0,
+                (_, 0) => 1,
+                _ => NOTHING,
+            };
+            assert_eq!(*seen, expected, "sample {sample}");
+        }
+        // In the other order the same.
+        let swapped = drawn(&points, &[[3, 4, 5], [0, 1, 2]]);
+        assert!(seen.iter().zip(&swapped).all(|(a, b)| *a == NOTHING && *b == NOTHING || a + b == 1));
+    }
+
+    #[test]
+    fn triangles_that_pass_through_each_other_part_where_they_meet() {
+        // The first goes from distance 2 at the left to 4 at the right, the second the other way round: they meet in the middle.
+        let strip = |left: f64, right: f64| {
+            [[0.0, -100.0], [0.0, 340.0], [300.0, -100.0], [300.0, 340.0]]
+                .map(|p| place(p) * if p[0] == 0.0 { left } else { right })
+        };
+        let points: Vec<DVec3> = strip(1.0, 2.0).into_iter().chain(strip(2.0, 1.0)).collect();
+        let seen = drawn(&points, &[[0, 1, 2], [2, 1, 3], [4, 5, 6], [6, 5, 7]]);
+        for (sample, triangle) in seen.iter().enumerate() {
+            let x = sample % (SIZE[0] * SAMPLES);
+            if x.abs_diff(150) > 1 {
+                assert_eq!(*triangle / 2, u32::from(x > 150), "column {x}");
+            }
+        }
+    }
+
+    #[test]
+    fn a_floor_that_passes_under_the_eye_fills_the_picture_up_to_the_horizon() {
+        let far = 1e6;
+        let points = [[-far, -far], [far, -far], [far, far], [-far, far]].map(|[x, y]| DVec3::new(x, y, -1.0));
+        let seen = drawn(&points, &[[0, 1, 2], [0, 2, 3]]);
+        let row = SIZE[0] * SAMPLES;
+        for (sample, triangle) in seen.iter().enumerate() {
+            assert_eq!(*triangle == NOTHING, sample / row < SIZE[1] * SAMPLES / 2, "row {}", sample / row);
+        }
+    }
+
+    #[test]
+    fn what_is_behind_the_eye_is_not_seen() {
+        let behind = [[0.0, 0.0], [300.0, 0.0], [0.0, 240.0]].map(|p| -place(p));
+        assert_eq!(count(&drawn(&behind, &[[0, 1, 2]]), 0), 0);
+    }
+
+    #[test]
+    fn triangles_without_area_or_place_are_not_seen() {
+        let nan = DVec3::new(f64::NAN, 1.0, 0.0);
+        let points =
+            [place([10.0, 10.0]), place([200.0, 100.0]), place([105.0, 55.0]), nan, DVec3::splat(f64::INFINITY)];
+        for corners in [[0, 0, 1], [0, 1, 2], [1, 1, 1], [0, 1, 3], [0, 1, 4], [3, 3, 4]] {
+            assert_eq!(count(&drawn(&points, &[corners]), 0), 0, "{corners:?}");
         }
     }
 }

@@ -2,7 +2,7 @@
 
 use std::sync::LazyLock;
 
-use ab_glyph::{Font, FontRef, GlyphId, PxScale, ScaleFont, point};
+use ab_glyph::{Font, FontRef, Glyph, GlyphId, PxScale, ScaleFont, point};
 
 use crate::image::{Image, Rgb};
 
@@ -30,18 +30,21 @@ impl Lettering {
         self.glyphs(text).1
     }
 
-    /// Glyphs with their places along the line, and the width of it.
-    fn glyphs(&self, text: &str) -> (Vec<(GlyphId, f32)>, f32) {
-        let font = self.font().as_scaled(PxScale::from(self.height));
-        let mut last: Option<GlyphId> = None;
+    /// The glyphs of a line whose left end is on the baseline at 0, and its width.
+    fn glyphs(&self, text: &str) -> (Vec<Glyph>, f32) {
+        let mut last: Option<(GlyphId, bool)> = None;
         let mut at = 0.0;
         let glyphs = text.chars().filter(|c| !c.is_control()).map(|c| {
-            let glyph = font.glyph_id(c);
-            at += last.map_or(0.0, |last| font.kern(last, glyph));
-            last = Some(glyph);
-            let here = at;
-            at += font.h_advance(glyph);
-            (glyph, here)
+            let (c, is_raised) = raised(c).map_or((c, false), |c| (c, true));
+            let scale = PxScale::from(if is_raised { self.height * RAISED_SIZE } else { self.height });
+            let font = self.font().as_scaled(scale);
+            let id = font.glyph_id(c);
+            at += last.filter(|last| last.1 == is_raised).map_or(0.0, |last| font.kern(last.0, id));
+            last = Some((id, is_raised));
+            let up = if is_raised { self.height * RAISED_BY } else { 0.0 };
+            let glyph = id.with_scale_and_position(scale, point(at, -up));
+            at += font.h_advance(id);
+            glyph
         });
         let glyphs: Vec<_> = glyphs.collect();
         (glyphs, at)
@@ -50,14 +53,11 @@ impl Lettering {
     /// Writes a line whose upper left corner is at `left`, `top`, in pixels.
     pub(crate) fn write(&self, image: &mut Image, text: &str, [left, top]: [f32; 2]) {
         let font = self.font();
-        let scale = PxScale::from(self.height);
         // Baselines between pixels blur all horizontal strokes.
-        let baseline = (top + font.as_scaled(scale).ascent()).round();
-        for (glyph, at) in self.glyphs(text).0 {
-            let Some(outlined) = font.outline_glyph(glyph.with_scale_and_position(scale, point(left + at, baseline)))
-            else {
-                continue;
-            };
+        let baseline = (top + font.as_scaled(PxScale::from(self.height)).ascent()).round();
+        for mut glyph in self.glyphs(text).0 {
+            glyph.position += point(left, baseline);
+            let Some(outlined) = font.outline_glyph(glyph) else { continue };
             let corner = outlined.px_bounds().min;
             outlined.draw(|x, y, part| {
                 image.cover(corner.x as isize + x as isize, corner.y as isize + y as isize, self.color, part.min(1.0));
@@ -92,6 +92,28 @@ impl Lettering {
     }
 }
 
+/// What is raised stands for: few fonts have all raised digits and the raised minus, and some have them in two styles.
+fn raised(c: char) -> Option<char> {
+    const RAISED: [(char, char); 11] = [
+        ('⁻', '\u{2212}'),
+        ('⁰', '0'),
+        ('¹', '1'),
+        ('²', '2'),
+        ('³', '3'),
+        ('⁴', '4'),
+        ('⁵', '5'),
+        ('⁶', '6'),
+        ('⁷', '7'),
+        ('⁸', '8'),
+        ('⁹', '9'),
+    ];
+    RAISED.iter().find(|(raised, _)| *raised == c).map(|(_, plain)| *plain)
+}
+
+/// Size and height of what is raised, relative to a line. Larger: exponents look like factors; smaller: nobody can read them.
+const RAISED_SIZE: f32 = 0.66;
+const RAISED_BY: f32 = 0.26;
+
 /// Text shrinks to this part of its size before it is shortened. Larger: more is cut off; smaller: nobody can read it.
 const SMALLEST: f32 = 0.7;
 
@@ -104,7 +126,7 @@ mod tests {
     #[test]
     fn the_font_has_what_captions_need() {
         for font in [&*REGULAR, &*BOLD] {
-            for c in "0123456789.,:+\u{2212}±%·×…³⁰¹²⁴⁵⁶⁷⁸⁹⁻=|()/ΔδαβγλμπσφΩ°äöüßé".chars() {
+            for c in "0123456789.,:+\u{2212}±%·×…=|()/ΔδαβγλμπσφΩ°äöüßé".chars() {
                 assert_ne!(font.glyph_id(c), font.glyph_id('\u{10ffff}'), "{c} is missing");
             }
         }
