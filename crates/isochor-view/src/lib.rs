@@ -1,4 +1,30 @@
 //! Pictures, animations and report pages of deformations, drawn without a display or a GPU.
+//!
+//! # A tour
+//!
+//! A [`Show`] is what is shown: poses of one model. [`picture`] draws them side by side, with one camera for all.
+//!
+//! ```
+//! use isochor::{Job, JobInput, Source, shapes};
+//! use isochor_view::{Coloring, PictureOptions, Show, picture};
+//!
+//! let mesh = shapes::icosphere(3);
+//! let job = Job::from_toml("[[edit]]\nstretch = { axis = 'z', scale = 0.4 }").unwrap();
+//! let outcome = job.run(&JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None }, &mut |_stage| {}).unwrap();
+//! let course = outcome.course();
+//! let show = Show::of_job(&mesh, &outcome, course.as_ref());
+//!
+//! let options = PictureOptions { coloring: Coloring::VolumeChange, ..PictureOptions::default() };
+//! let image = picture(&show, &options);
+//! assert_eq!(&image.png()[1..4], b"PNG");
+//! ```
+//!
+//! Sequences are shows of many poses: [`frames`] and [`animated_png`] make a film of them, [`strip`] a page. Both are drawn by the
+//! processor alone, and have the same bits for any number of threads.
+//!
+//! # Features
+//!
+//! - `rayon` (default): threads. Pictures have the same bits without it.
 
 mod animation;
 mod camera;

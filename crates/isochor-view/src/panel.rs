@@ -33,6 +33,10 @@ const LINE_WIDTH: f64 = 1.0;
 const DOT_WIDTH: f64 = 4.2;
 const REFERENCE: f64 = 480.0;
 
+/// Of lattices with more control points than this along some axis only the six sides are drawn, with smaller dots. Larger: nothing can be
+/// seen behind them; smaller: the inside of ordinary lattices is missing.
+const ROOMY: f64 = 10.0;
+
 /// Strength of lattice lines and control points, nearest and farthest: what is far away is paler. Larger: they cover the model; smaller: they vanish.
 const LINE_STRENGTHS: [f64; 2] = [0.58, 0.26];
 const DOT_STRENGTHS: [f64; 2] = [0.95, 0.55];
@@ -125,26 +129,47 @@ impl Panel<'_> {
             let depth = if far > near { ((-place.z - near) / (far - near)).clamp(0.0, 1.0) } else { 0.0 };
             (nearest + (farthest - nearest) * depth) as f32
         };
-        let zoom = self.size[0].min(self.size[1]) as f64 / REFERENCE;
-        let width = |width: f64| width * zoom.max(1.0);
-        let line = |[a, b]: [usize; 2]| {
-            let ends = [*seen.get(a)?, *seen.get(b)?];
-            Stroke::line(screen, ends, width(LINE_WIDTH), strength(LINE_STRENGTHS, (ends[0] + ends[1]) / 2.0))
+        let zoom = (self.size[0].min(self.size[1]) as f64 / REFERENCE).max(1.0);
+        let most = lattice.size.into_iter().max().unwrap_or(0);
+        let crowd = (ROOMY / most as f64).min(1.0);
+        let is_shown = |place: [usize; 3], along: Option<usize>| {
+            let is_outer =
+                |axis: usize| Some(axis) != along && (place[axis] == 0 || place[axis] + 1 == lattice.size[axis]);
+            crowd == 1.0 || (0..3).any(is_outer)
         };
-        let dot = |c: &DVec3| Stroke::dot(screen, *c, width(DOT_WIDTH), strength(DOT_STRENGTHS, *c));
-        (edges(lattice.size, seen.len()).filter_map(line).collect(), seen.iter().filter_map(dot).collect())
+        let line = |(place, axis, [a, b]): ([usize; 3], usize, [usize; 2])| {
+            let ends = [*seen.get(a)?, *seen.get(b)?];
+            let strength = strength(LINE_STRENGTHS, (ends[0] + ends[1]) / 2.0);
+            is_shown(place, Some(axis)).then(|| Stroke::line(screen, ends, zoom * LINE_WIDTH, strength))?
+        };
+        let dot = |node: usize| {
+            let strength = strength(DOT_STRENGTHS, seen[node]);
+            let width = zoom * (DOT_WIDTH * crowd).max(2.0 * LINE_WIDTH);
+            is_shown(place(lattice.size, node), None).then(|| Stroke::dot(screen, seen[node], width, strength))?
+        };
+        let nodes = nodes(lattice.size, seen.len());
+        (edges(lattice.size, seen.len()).filter_map(line).collect(), (0..nodes).filter_map(dot).collect())
     }
 }
 
-/// Pairs of neighbours in a lattice of `controls` control points; without an axis that has none, and without those that are missing.
-fn edges(size: [usize; 3], controls: usize) -> impl Iterator<Item = [usize; 2]> {
+/// Number of control points that both a lattice of this size and its positions have.
+fn nodes(size: [usize; 3], controls: usize) -> usize {
+    size.into_iter().fold(1, usize::saturating_mul).min(controls)
+}
+
+/// Index of a control point along u, v, w.
+fn place(size: [usize; 3], node: usize) -> [usize; 3] {
+    [node / size[1].saturating_mul(size[2]), node / size[2] % size[1], node % size[2]]
+}
+
+/// Neighbours in a lattice of which `controls` positions are known: index of the first of both along u, v, w, the axis along which the second is
+/// the next, and both. The second may be one whose position is not known.
+fn edges(size: [usize; 3], controls: usize) -> impl Iterator<Item = ([usize; 3], usize, [usize; 2])> {
     let strides = [size[1].saturating_mul(size[2]), size[2], 1];
-    let nodes = strides[0].saturating_mul(size[0]).min(controls);
-    (0..nodes).flat_map(move |node| {
-        let place = [node / strides[0], node / strides[1] % size[1], node % size[2]];
-        (0..3)
-            .filter(move |&axis| place[axis] + 1 < size[axis])
-            .map(move |axis| [node, node.saturating_add(strides[axis])])
+    (0..nodes(size, controls)).flat_map(move |node| {
+        let place = place(size, node);
+        let axes = (0..3).filter(move |&axis| place[axis] + 1 < size[axis]);
+        axes.map(move |axis| (place, axis, [node, node.saturating_add(strides[axis])]))
     })
 }
 
@@ -298,7 +323,8 @@ mod tests {
             let count = (l - 1) * m * n + l * (m - 1) * n + l * m * (n - 1);
             assert_eq!(edges([l, m, n], l * m * n).count(), count);
         }
-        assert_eq!(edges([2, 1, 2], 4).collect::<Vec<_>>(), [[0, 2], [0, 1], [1, 3], [2, 3]]);
+        let pairs = edges([2, 1, 2], 4).map(|(_, _, pair)| pair);
+        assert_eq!(pairs.collect::<Vec<_>>(), [[0, 2], [0, 1], [1, 3], [2, 3]]);
     }
 
     #[test]

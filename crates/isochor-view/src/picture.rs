@@ -75,7 +75,8 @@ pub struct StripOptions {
 /// All poses side by side, each with its lattice and below it its name, its volume, and by how much that differs from the volume of the first
 /// pose.
 ///
-/// Points that are not finite are left out, with the faces and lines that end there.
+/// Points that are not finite are left out, with the faces and lines that end there. What would be beyond
+/// [`MAX_SIDE`](crate::MAX_SIDE) pixels is cut off.
 #[must_use]
 pub fn picture(show: &Show, options: &PictureOptions) -> Image {
     let all: Vec<usize> = (0..show.poses.len()).collect();
@@ -286,7 +287,8 @@ fn used_rows(points: &[&[DVec3]], camera: &Camera, size: [usize; 2]) -> Range<us
     let middle = (top + bottom) / 2.0;
     let half = ((bottom - top) / 2.0 + border).max(LOWEST * height / 2.0);
     let row = |y: f64| y.clamp(0.0, height) as usize;
-    row((middle - half).floor())..row((middle + half).ceil()).max(1)
+    let first = row((middle - half).floor()).min(size[1] - 1);
+    first..row((middle + half).ceil()).max(first + 1)
 }
 
 /// What is kept free above and below the points, relative to the shorter side of a panel. Larger: empty paper; smaller: captions touch the model.

@@ -259,13 +259,30 @@ fn hidden_lines_are_fainter() {
 #[test]
 fn lattices_of_every_size_are_drawn() {
     let mesh = shapes::cube(2);
-    for size in [[2, 2, 2], [2, 3, 4], [1, 1, 1], [1, 2, 1], [5, 5, 5]] {
+    for size in [[2, 2, 2], [2, 3, 4], [1, 1, 1], [1, 2, 1], [5, 5, 5], [12, 12, 12]] {
         let mut show = show(mesh.faces(), mesh.points());
         let bare = picture(&show, &small());
         show.poses[0].lattice = Some(lattice(size, DVec3::splat(-0.2), DVec3::splat(1.2)));
         assert!(picture(&show, &small()) != bare, "{size:?}");
         assert_eq!(picture(&show, &PictureOptions { with_lattice: false, ..small() }), bare, "{size:?}");
     }
+}
+
+#[test]
+fn of_crowded_lattices_the_sides_are_drawn() {
+    // The same picture whether the control points inside have places or not: they are not drawn.
+    let mesh = shapes::cube(2);
+    let size = [11, 4, 4];
+    let whole = lattice(size, DVec3::splat(-0.2), DVec3::splat(1.2));
+    let is_inner = |c: usize| (0..3).all(|a| (1..size[a] - 1).contains(&[c / 16, c / 4 % 4, c % 4][a]));
+    let hollow = whole.controls.iter().enumerate().map(|(c, p)| if is_inner(c) { DVec3::NAN } else { *p });
+    let hollow = ShownLattice { size, controls: hollow.collect() };
+    let drawn = |lattice: ShownLattice<'static>| {
+        let mut show = show(mesh.faces(), mesh.points());
+        show.poses[0].lattice = Some(lattice);
+        picture(&show, &small())
+    };
+    assert_eq!(drawn(whole), drawn(hollow));
 }
 
 #[test]
