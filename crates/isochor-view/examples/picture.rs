@@ -1,8 +1,9 @@
 //! A picture of a job: at rest, deformed, corrected, coloured by local volume change.
 //!
-//! `cargo run --release -p isochor-view --example picture -- PICTURE.png [MODEL [JOB.toml]] [plain] [displacement] [y-up]`
+//! `cargo run --release -p isochor-view --example picture -- PICTURE.png [MODEL [JOB.toml]]`
 //!
-//! Without a model: a torus; without a job: a twist and a squash.
+//! Without a model: a torus; without a job: a twist and a squash. The words `plain`, `displacement` and `y-up` change
+//! how it looks.
 
 use std::path::Path;
 

@@ -20,9 +20,9 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
     let mut poses = Vec::new();
     for frame in 0..FRAMES {
         let degrees = DEGREES * frame as f64 / (FRAMES - 1) as f64;
-        let job = Job::from_toml(&format!(
-            "[lattice]\nsize = [4, 4, 8]\n[[edit]]\nbend = {{ axis = 'z', towards = 'x', degrees = {degrees} }}\n[preserve]\nvolume = '100%'"
-        ))?;
+        let bend = format!("bend = {{ axis = 'z', towards = 'x', degrees = {degrees} }}");
+        let job = format!("[lattice]\nsize = [4, 4, 8]\n[[edit]]\n{bend}\n[preserve]\nvolume = '100%'");
+        let job = Job::from_toml(&job)?;
         let outcome =
             job.run(&JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None }, &mut |_stage| {})?;
         let course = outcome.course().ok_or("a bend deforms")?;

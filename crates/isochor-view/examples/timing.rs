@@ -1,4 +1,5 @@
-//! How long the picture of a large model takes: three poses of a geodesic blob of 873,620 faces, coloured by local volume change.
+//! How long the picture of a large model takes: three poses of a geodesic blob of 873,620 faces, coloured by local
+//! volume change.
 //!
 //! `RAYON_NUM_THREADS=2 cargo run --release -p isochor-view --example timing`
 

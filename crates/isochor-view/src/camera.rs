@@ -1,15 +1,16 @@
 //! A perspective camera, and the one that frames given points as closely as it can.
 //!
-//! In the coordinates of a camera that looks along −z, with t and s the tangents of half its fields of view across and down,
-//! a point (x, y, z) is in the picture of an eye e where
+//! In the coordinates of a camera that looks along −z, with t and s the tangents of half its fields of view across and
+//! down, a point (x, y, z) is in the picture of an eye e where
 //!
 //! ```text
 //! |x − e_x| ≤ t (e_z − z),   |y − e_y| ≤ s (e_z − z).
 //! ```
 //!
-//! With A = max(x + t z), B = max(−x + t z) over all points, the first asks for `A − t e_z ≤ e_x ≤ t e_z − B`: possible from
-//! `e_z = (A + B) / 2t` on, with e_x = (A − B) / 2 in the middle of what is allowed. The same for y; the farther of both
-//! distances is the camera. Maxima do not depend on the order of points, so neither does a bit of the camera.
+//! With A = max(x + t z), B = max(−x + t z) over all points, the first asks for `A − t e_z ≤ e_x ≤ t e_z − B`:
+//! possible from `e_z = (A + B) / 2t` on, with e_x = (A − B) / 2 in the middle of what is allowed. The same for y; the
+//! farther of both distances is the camera. Maxima do not depend on the order of points, so neither does a bit of the
+//! camera.
 //!
 //! All of it is relative to the middle of the points and in units of half their extent: models of any size, anywhere.
 
@@ -18,16 +19,16 @@ use isochor::Axis;
 
 use crate::parallel;
 
-/// Full field of view across the shorter side of a panel, in degrees. Larger: depth is exaggerated, and what is near looks
-/// larger than it is; smaller: as from far away, hardly any depth.
+/// Full field of view across the shorter side of a panel, in degrees. Larger: depth is exaggerated, and what is near
+/// looks larger than it is; smaller: as from far away, hardly any depth.
 const FIELD: f64 = 24.0;
 
-/// What is kept free between the points and the border of a panel, relative to half the panel. Larger: small models; smaller: dots
-/// and lines touch the border.
+/// What is kept free between the points and the border of a panel, relative to half the panel. Larger: small models;
+/// smaller: dots and lines touch the border.
 const MARGIN: f64 = 0.03;
 
-/// The eye is at least this far before the nearest point, in half extents. Larger: needles that point at the eye look small;
-/// smaller: one point fills the picture.
+/// The eye is at least this far before the nearest point, in half extents. Larger: needles that point at the eye look
+/// small; smaller: one point fills the picture.
 const NEAREST: f64 = 0.5;
 
 /// From where a model is seen.
@@ -67,8 +68,8 @@ pub struct Camera {
 }
 
 impl Camera {
-    /// The nearest camera that has all `points` in a panel of `size` (width, height; any unit). Points that are not finite do not
-    /// count. Without points, and for a single one, it looks at that place from somewhere.
+    /// The nearest camera that has all `points` in a panel of `size` (width, height; any unit). Points that are not
+    /// finite do not count. Without points, and for a single one, it looks at that place from somewhere.
     #[must_use]
     pub fn framing(points: &[&[DVec3]], view: &View, size: [f64; 2]) -> Self {
         let (right, up, back) = directions(view);
@@ -106,8 +107,8 @@ impl Camera {
         camera
     }
 
-    /// A camera at `eye` that looks at `at`, both in model coordinates, with `up` upwards. Where `up` is along the line of sight, another
-    /// direction is taken; where `at` is `eye`, it looks down.
+    /// A camera at `eye` that looks at `at`, both in model coordinates, with `up` upwards. Where `up` is along the line
+    /// of sight, another direction is taken; where `at` is `eye`, it looks down.
     #[must_use]
     pub fn looking(eye: DVec3, at: DVec3, up: DVec3) -> Self {
         let away = eye - at;
@@ -122,8 +123,8 @@ impl Camera {
         camera
     }
 
-    /// Where a point of the model appears in a panel of `size` (width, height): from the left and from the top, in units of `size`,
-    /// whether inside the panel or not. `None` beside and behind the eye.
+    /// Where a point of the model appears in a panel of `size` (width, height): from the left and from the top, in
+    /// units of `size`, whether inside the panel or not. `None` beside and behind the eye.
     #[must_use]
     pub fn projected(&self, point: DVec3, size: [f64; 2]) -> Option<[f64; 2]> {
         let seen = self.seen(point);
@@ -133,7 +134,8 @@ impl Camera {
             .filter(|place| place.iter().all(|x| x.is_finite()))
     }
 
-    /// A point of the model seen from the eye, in the camera's units: x to the right, y up, z towards the viewer (negative before the eye).
+    /// A point of the model seen from the eye, in the camera's units: x to the right, y up, z towards the viewer
+    /// (negative before the eye).
     pub(crate) fn seen(&self, point: DVec3) -> DVec3 {
         self.turned(self.centered(point)) - self.eye
     }

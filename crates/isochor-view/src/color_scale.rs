@@ -1,11 +1,12 @@
 //! From numbers on a model to colours, and the ticks of the scale beside it.
 //!
-//! A local volume change is a factor: losing half is as much as doubling. So its scale is logarithmic, symmetric about 1, and goes
-//! from blue (volume lost) over a neutral grey to red (volume gained): K. Moreland, *Diverging Color Maps for Scientific Visualization*, ISVC
-//! 2009, made to be shaded. Displacements are on viridis by S. van der Walt and N. Smith, whose lightness grows evenly.
+//! A local volume change is a factor: losing half is as much as doubling. So its scale is logarithmic, symmetric about
+//! 1, and goes from blue (volume lost) over a neutral grey to red (volume gained): K. Moreland, *Diverging Color Maps
+//! for Scientific Visualization*, ISVC 2009, made to be shaded. Displacements are on viridis by S. van der Walt and N.
+//! Smith, whose lightness grows evenly.
 //!
-//! What is no number, infinite, or a volume change that is not positive (a piece turned inside out) has no place on a scale and gets
-//! [`NO_VALUE`], a colour that no scale holds.
+//! What is no number, infinite, or a volume change that is not positive (a piece turned inside out) has no place on a
+//! scale and gets [`NO_VALUE`], a colour that no scale holds.
 
 use crate::{image::Rgb, number};
 
@@ -49,7 +50,8 @@ const COOL_WARM: [Rgb; 33] = [
     [180, 4, 38],
 ];
 
-/// The narrowest scale of volume changes ends at this factor, the widest at the other. Narrower: rounding is coloured; wider: ticks have no room.
+/// The narrowest scale of volume changes ends at this factor, the widest at the other. Narrower: rounding is coloured;
+/// wider: ticks have no room.
 const FACTORS: [f64; 2] = [1.001, 1e6];
 
 /// The narrowest and the widest scale of displacements, in extents.
@@ -106,8 +108,8 @@ impl ColorScale {
         self.quantity
     }
 
-    /// Where `value` (a factor, or a displacement in extents) is on the scale: 0 at the low end, 1 at the high end, beyond where it is
-    /// beyond. `None` where it has no place.
+    /// Where `value` (a factor, or a displacement in extents) is on the scale: 0 at the low end, 1 at the high end,
+    /// beyond where it is beyond. `None` where it has no place.
     #[must_use]
     pub fn place(&self, value: f64) -> Option<f64> {
         let place = match self.quantity {

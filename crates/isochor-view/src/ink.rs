@@ -1,14 +1,14 @@
 //! Lines and dots with soft borders, in front of a surface or, fainter, behind it.
 //!
-//! Each sample keeps the strongest of all strokes over it. So strokes may be drawn in any order, and where lines meet they are no
-//! darker than one line.
+//! Each sample keeps the strongest of all strokes over it. So strokes may be drawn in any order, and where lines meet
+//! they are no darker than one line.
 
 use glam::DVec3;
 
 use crate::raster::{Depths, SAMPLES, Screen, Spot};
 
-/// A stroke this much behind the surface still counts as before it, in inverse distances relative to the surface's. Larger: hidden lines
-/// show through edges; smaller: lines on a surface break up.
+/// A stroke this much behind the surface still counts as before it, in inverse distances relative to the surface's.
+/// Larger: hidden lines show through edges; smaller: lines on a surface break up.
 const ON_SURFACE: f64 = 2e-3;
 
 /// A line, or a dot where both ends are the same.
@@ -21,7 +21,8 @@ pub(crate) struct Stroke {
 }
 
 impl Stroke {
-    /// A line between places seen from the eye, `width` pixels wide, of `strength` 0 to 1. `None` where it has no place on the screen.
+    /// A line between places seen from the eye, `width` pixels wide, of `strength` 0 to 1. `None` where it has no place
+    /// on the screen.
     pub(crate) fn line(screen: &Screen, ends: [DVec3; 2], width: f64, strength: f32) -> Option<Self> {
         let ends = screen.segment(ends[0], ends[1])?;
         Some(Self { ends, radius: width / 2.0 * SAMPLES as f64, strength })
@@ -34,8 +35,8 @@ impl Stroke {
     }
 }
 
-/// Draws the `strokes` of a band: strengths (0 to 1) of its samples, row after row. Behind the surface strokes have the part `hidden` of
-/// their strength.
+/// Draws the `strokes` of a band: strengths (0 to 1) of its samples, row after row. Behind the surface strokes have the
+/// part `hidden` of their strength.
 pub(crate) fn strengths(screen: &Screen, band: usize, strokes: &[Stroke], depths: &Depths, hidden: f32) -> Vec<f32> {
     let rows = screen.rows(band);
     let mut strengths = vec![0.0; rows.len() * screen.row()];

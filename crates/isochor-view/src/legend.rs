@@ -66,7 +66,8 @@ impl Legend<'_> {
     }
 }
 
-/// Which of some ranges in a row may be shown so that all are `gap` apart: the middle one, and from there outwards what does not touch.
+/// Which of some ranges in a row may be shown so that all are `gap` apart: the middle one, and from there outwards what
+/// does not touch.
 fn apart(ranges: &[[f32; 2]], gap: f32) -> Vec<bool> {
     let mut shown = vec![false; ranges.len()];
     let middle = ranges.len() / 2;

@@ -10,7 +10,8 @@
 //!
 //! let mesh = shapes::icosphere(3);
 //! let job = Job::from_toml("[[edit]]\nstretch = { axis = 'z', scale = 0.4 }").unwrap();
-//! let outcome = job.run(&JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None }, &mut |_stage| {}).unwrap();
+//! let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None };
+//! let outcome = job.run(&input, &mut |_stage| {}).unwrap();
 //! let course = outcome.course();
 //! let show = Show::of_job(&mesh, &outcome, course.as_ref());
 //!
@@ -19,8 +20,8 @@
 //! assert_eq!(&image.png()[1..4], b"PNG");
 //! ```
 //!
-//! Sequences are shows of many poses: [`frames`] and [`animated_png`] make a film of them, [`strip`] a page. Both are drawn by the
-//! processor alone, and have the same bits for any number of threads.
+//! Sequences are shows of many poses: [`frames`] and [`animated_png`] make a film of them, [`strip`] a page. Both are
+//! drawn by the processor alone, and have the same bits for any number of threads.
 //!
 //! # Features
 //!

@@ -1,18 +1,18 @@
 //! Normals for smooth shading that leave creases sharp.
 //!
-//! The normal of triangle t at its corner v is the sum of the area vectors of those triangles at v whose normals are within the
-//! crease angle of t's. Weights by area rather than by the angle at the corner: no arc cosines, slivers say little, and the large faces of
-//! technical models stay flat beside their roundings.
+//! The normal of triangle t at its corner v is the sum of the area vectors of those triangles at v whose normals are
+//! within the crease angle of t's. Weights by area rather than by the angle at the corner: no arc cosines, slivers say
+//! little, and the large faces of technical models stay flat beside their roundings.
 //!
-//! At most vertices all normals are within half the crease angle of their sum, hence of one another, and one normal serves all corners; the
-//! others are summed when they are needed, for triangles that are seen.
+//! At most vertices all normals are within half the crease angle of their sum, hence of one another, and one normal
+//! serves all corners; the others are summed when they are needed, for triangles that are seen.
 
 use glam::DVec3;
 
 use crate::{parallel, surface::Surface};
 
-/// Cosine of the crease angle, 40°. Larger angle: edges of coarse technical models blur; smaller: coarse round models show
-/// their faces.
+/// Cosine of the crease angle, 40°. Larger angle: edges of coarse technical models blur; smaller: coarse round models
+/// show their faces.
 const CREASE: f64 = 0.766_044_443_118_978;
 
 /// Cosine of half the crease angle: √((1 + CREASE) / 2).
@@ -21,7 +21,8 @@ const HALF_CREASE: f64 = 0.939_692_620_785_908_4;
 /// Normals of one pose.
 pub(crate) struct Normals<'a> {
     surface: &'a Surface,
-    /// Area vector of each triangle; zero where it is not finite. In 32 bits: half the memory to wait for, and light needs no more.
+    /// Area vector of each triangle; zero where it is not finite. In 32 bits: half the memory to wait for, and light
+    /// needs no more.
     areas: Vec<[f32; 3]>,
     /// Unit normal at each welded vertex; zero where its triangles form a crease, or there is none.
     smooth: Vec<[f32; 3]>,
@@ -105,7 +106,8 @@ mod tests {
 
     #[test]
     fn a_ball_has_radial_normals() {
-        // A vertex of the icosahedron, where five equal faces meet, is exact; elsewhere O(h²) with h the length of edges.
+        // A vertex of the icosahedron, where five equal faces meet, is exact; elsewhere O(h²) with h the length of
+        // edges.
         let (surface, points) = normals_of(&shapes::icosphere(4));
         let normals = Normals::new(&surface, &points);
         for t in 0..surface.triangles.len() {

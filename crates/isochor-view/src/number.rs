@@ -21,7 +21,8 @@ pub(crate) fn short(value: f64) -> String {
     }
 }
 
-/// The change from `reference` to `value` in percent, such as "−39.16 %"; "±0 %" where it is rounding. `None` where it cannot be said.
+/// The change from `reference` to `value` in percent, such as "−39.16 %"; "±0 %" where it is rounding. `None` where it
+/// cannot be said.
 pub(crate) fn change(value: f64, reference: f64) -> Option<String> {
     let change = (value - reference) / reference.abs();
     match change.abs() {

@@ -21,27 +21,31 @@ const PLAIN: Rgb = [222, 225, 232];
 /// The inside of open models: the warm counterpart.
 const INSIDE: Rgb = [219, 164, 120];
 
-/// Part of the light that is left on the inside of models with a scale. Larger: it looks like the outside; smaller: no colour can be read there.
+/// Part of the light that is left on the inside of models with a scale. Larger: it looks like the outside; smaller: no
+/// colour can be read there.
 const BACK: f64 = 0.6;
 
 /// Lattice lines and control points.
 const LATTICE: Rgb = [46, 62, 92];
 const CONTROLS: Rgb = [28, 64, 140];
 
-/// Width of lattice lines and control points, in pixels of a panel of [`REFERENCE`] pixels. Larger: they cover the model; smaller: they vanish.
+/// Width of lattice lines and control points, in pixels of a panel of [`REFERENCE`] pixels. Larger: they cover the
+/// model; smaller: they vanish.
 const LINE_WIDTH: f64 = 1.0;
 const DOT_WIDTH: f64 = 4.2;
 const REFERENCE: f64 = 480.0;
 
-/// Of lattices with more control points than this along some axis only the six sides are drawn, with smaller dots. Larger: nothing can be
-/// seen behind them; smaller: the inside of ordinary lattices is missing.
+/// Of lattices with more control points than this along some axis only the six sides are drawn, with smaller dots.
+/// Larger: nothing can be seen behind them; smaller: the inside of ordinary lattices is missing.
 const ROOMY: f64 = 10.0;
 
-/// Strength of lattice lines and control points, nearest and farthest: what is far away is paler. Larger: they cover the model; smaller: they vanish.
+/// Strength of lattice lines and control points, nearest and farthest: what is far away is paler. Larger: they cover
+/// the model; smaller: they vanish.
 const LINE_STRENGTHS: [f64; 2] = [0.58, 0.26];
 const DOT_STRENGTHS: [f64; 2] = [0.95, 0.55];
 
-/// Part of the strength that is left behind the model. Larger: one cannot tell what is before it; smaller: hidden lines vanish.
+/// Part of the strength that is left behind the model. Larger: one cannot tell what is before it; smaller: hidden lines
+/// vanish.
 const HIDDEN: f32 = 0.22;
 
 /// Steps of a scale. More: memory; fewer: bands of colour.
@@ -162,8 +166,8 @@ fn place(size: [usize; 3], node: usize) -> [usize; 3] {
     [node / size[1].saturating_mul(size[2]), node / size[2] % size[1], node % size[2]]
 }
 
-/// Neighbours in a lattice of which `controls` positions are known: index of the first of both along u, v, w, the axis along which the second is
-/// the next, and both. The second may be one whose position is not known.
+/// Neighbours in a lattice of which `controls` positions are known: index of the first of both along u, v, w, the axis
+/// along which the second is the next, and both. The second may be one whose position is not known.
 fn edges(size: [usize; 3], controls: usize) -> impl Iterator<Item = ([usize; 3], usize, [usize; 2])> {
     let strides = [size[1].saturating_mul(size[2]), size[2], 1];
     (0..nodes(size, controls)).flat_map(move |node| {
@@ -209,8 +213,8 @@ const SHADED: usize = 4;
 struct Brush<'a> {
     prepared: &'a Prepared<'a>,
     triangle: u32,
-    /// Products of its corners seen from the eye: of the second and third, the third and first, the first and second. The
-    /// weights of the corners along a line of sight are their products with it.
+    /// Products of its corners seen from the eye: of the second and third, the third and first, the first and second.
+    /// The weights of the corners along a line of sight are their products with it.
     products: [DVec3; 3],
     normals: [DVec3; 3],
     /// Places of its corners on the scale.
@@ -308,8 +312,8 @@ pub(crate) fn is_inside_out(surface: &Surface, points: &[DVec3], camera: &Camera
     parallel::map_chunks(surface.triangles.len(), parallel::CHUNK, pieces).into_iter().sum::<f64>() < -CLEARLY
 }
 
-/// Six times the volume, in cubed half extents, from which on a surface counts as inside out. Larger: thin bodies that are inside out
-/// show their inside; smaller: open sheets show either side, as rounding wants.
+/// Six times the volume, in cubed half extents, from which on a surface counts as inside out. Larger: thin bodies that
+/// are inside out show their inside; smaller: open sheets show either side, as rounding wants.
 const CLEARLY: f64 = 1e-6;
 
 #[cfg(test)]

@@ -30,7 +30,8 @@ pub enum Coloring {
 /// How a picture looks.
 #[derive(Clone, Debug, PartialEq)]
 pub struct PictureOptions {
-    /// Width and height of a pose in pixels, without its caption. Rows that are empty in all poses are cut off, unless there is a `camera`.
+    /// Width and height of a pose in pixels, without its caption. Rows that are empty in all poses are cut off, unless
+    /// there is a `camera`.
     pub panel: [usize; 2],
     /// Colour of the page; captions are dark on light pages and light on dark ones.
     pub background: Rgb,
@@ -72,8 +73,8 @@ pub struct StripOptions {
     pub columns: Option<usize>,
 }
 
-/// All poses side by side, each with its lattice and below it its name, its volume, and by how much that differs from the volume of the first
-/// pose.
+/// All poses side by side, each with its lattice and below it its name, its volume, and by how much that differs from
+/// the volume of the first pose.
 ///
 /// Points that are not finite are left out, with the faces and lines that end there. What would be beyond
 /// [`MAX_SIDE`](crate::MAX_SIDE) pixels is cut off.
@@ -109,8 +110,8 @@ fn named(_index: usize, pose: &ShownPose) -> String {
     pose.name.clone()
 }
 
-/// Of the logarithms of volume changes, and of displacements, this part is within the scale. Larger: a few folds at sharp corners take all colours;
-/// smaller: large changes look alike.
+/// Of the logarithms of volume changes, and of displacements, this part is within the scale. Larger: a few folds at
+/// sharp corners take all colours; smaller: large changes look alike.
 const WITHIN: f64 = 0.98;
 
 /// Scales of volume changes end at one of these factors.
@@ -291,10 +292,12 @@ fn used_rows(points: &[&[DVec3]], camera: &Camera, size: [usize; 2]) -> Range<us
     first..row((middle + half).ceil()).max(first + 1)
 }
 
-/// What is kept free above and below the points, relative to the shorter side of a panel. Larger: empty paper; smaller: captions touch the model.
+/// What is kept free above and below the points, relative to the shorter side of a panel. Larger: empty paper; smaller:
+/// captions touch the model.
 const BORDER: f64 = 0.025;
 
-/// Panels keep at least this part of their height. Larger: empty paper round flat models; smaller: pictures like ribbons.
+/// Panels keep at least this part of their height. Larger: empty paper round flat models; smaller: pictures like
+/// ribbons.
 const LOWEST: f64 = 0.25;
 
 /// The volume of a pose, and its change: "V = 0.04175   −39.16 %".

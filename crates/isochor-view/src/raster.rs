@@ -1,11 +1,12 @@
 //! Which triangle is seen where: a depth buffer over samples, several to a pixel.
 //!
-//! Corners are snapped to a grid of 1/256 sample; from there on, whether a sample is covered is decided in whole numbers, so that
-//! triangles with a common edge cover each sample between them exactly once (the top-left rule), and no platform decides otherwise.
-//! Depth is 1/w, the inverse distance along the line of sight: it is linear on the screen. Of equal depths the first triangle stays.
+//! Corners are snapped to a grid of 1/256 sample; from there on, whether a sample is covered is decided in whole
+//! numbers, so that triangles with a common edge cover each sample between them exactly once (the top-left rule), and
+//! no platform decides otherwise. Depth is 1/w, the inverse distance along the line of sight: it is linear on the
+//! screen. Of equal depths the first triangle stays.
 //!
-//! The picture is cut into bands of rows. Triangles are sorted into bands chunk by chunk, and each band is drawn by one thread with the
-//! chunks in order: the same bits for any number of threads.
+//! The picture is cut into bands of rows. Triangles are sorted into bands chunk by chunk, and each band is drawn by one
+//! thread with the chunks in order: the same bits for any number of threads.
 
 use std::ops::Range;
 
@@ -19,15 +20,16 @@ pub(crate) const SAMPLES: usize = 3;
 /// Rows of pixels in a band. Larger: triangles are sorted into fewer bands; smaller: better balance between threads.
 pub(crate) const BAND: usize = 32;
 
-/// Positions on the screen are multiples of 1/GRID samples. Larger: edges are straighter; smaller: products need fewer bits.
+/// Positions on the screen are multiples of 1/GRID samples. Larger: edges are straighter; smaller: products need fewer
+/// bits.
 const GRID: f64 = 256.0;
 
-/// Coordinates on the screen beyond this many samples are cut off. Larger: products would not fit into 64 bits; smaller: it would
-/// cut what is seen.
+/// Coordinates on the screen beyond this many samples are cut off. Larger: products would not fit into 64 bits;
+/// smaller: it would cut what is seen.
 const GUARD: f64 = (1 << 20) as f64;
 
-/// What is nearer to the eye than this is cut off, in the camera's units. Larger: what is close is missing; smaller: places on
-/// the screen have no precision.
+/// What is nearer to the eye than this is cut off, in the camera's units. Larger: what is close is missing; smaller:
+/// places on the screen have no precision.
 const NEAR: f64 = 1e-4;
 
 /// Triangles that are sorted at once. Larger: less overhead; smaller: better balance between threads.
@@ -257,8 +259,8 @@ impl<'a> Raster<'a> {
         let [a, b, c] = if area > 0 { *corners } else { [corners[0], corners[2], corners[1]] };
         let start =
             Corner { x: columns[0] as i32 * 256 + 128, y: top.max(rows.start) as i32 * 256 + 128, inverse: 0.0 };
-        // Opposite to each corner: the value of the edge's function at the first sample, and its steps to the right and down. Samples
-        // on an edge belong to the triangle whose left or upper edge it is.
+        // Opposite to each corner: the value of the edge's function at the first sample, and its steps to the right and
+        // down. Samples on an edge belong to the triangle whose left or upper edge it is.
         let edge = |from: &Corner, to: &Corner| {
             let [dx, dy] = [i64::from(to.x) - i64::from(from.x), i64::from(to.y) - i64::from(from.y)];
             let is_ours = dy < 0 || (dy == 0 && dx > 0);
@@ -321,7 +323,8 @@ mod tests {
 
     #[test]
     fn a_triangle_covers_its_area() {
-        // As many sample centres are inside as the area has samples, up to half the length of the border (and of the snapping).
+        // As many sample centres are inside as the area has samples, up to half the length of the border (and of the
+        // snapping).
         for corners in [
             [[10.0, 10.0], [200.0, 40.0], [90.0, 200.0]],
             [[3.3, 230.1], [290.7, 3.9], [150.0, 120.0]],
@@ -379,7 +382,8 @@ mod tests {
 
     #[test]
     fn triangles_that_pass_through_each_other_part_where_they_meet() {
-        // The first goes from distance 2 at the left to 4 at the right, the second the other way round: they meet in the middle.
+        // The first goes from distance 2 at the left to 4 at the right, the second the other way round: they meet in
+        // the middle.
         let strip = |left: f64, right: f64| {
             [[0.0, -100.0], [0.0, 340.0], [300.0, -100.0], [300.0, 340.0]]
                 .map(|p| place(p) * if p[0] == 0.0 { left } else { right })

@@ -6,8 +6,8 @@ use rustc_hash::FxHashMap;
 
 /// Triangles of polygons, fanned from their first corners, and which of them meet at each place.
 ///
-/// Vertices at bit-equal places of the first pose count as one here, so that a surface that was torn along the seams of a texture, or
-/// into single triangles, is smooth nevertheless.
+/// Vertices at bit-equal places of the first pose count as one here, so that a surface that was torn along the seams of
+/// a texture, or into single triangles, is smooth nevertheless.
 pub(crate) struct Surface {
     /// Vertices of each triangle. All of them exist in every pose.
     pub(crate) triangles: Vec<[u32; 3]>,
@@ -19,7 +19,8 @@ pub(crate) struct Surface {
 }
 
 impl Surface {
-    /// The surface of `faces` over `points`, the first pose. Faces that name vertices beyond the first `vertices` are left out.
+    /// The surface of `faces` over `points`, the first pose. Faces that name vertices beyond the first `vertices` are
+    /// left out.
     pub(crate) fn new(faces: &Faces, points: &[DVec3], vertices: usize) -> Self {
         let exists = |corners: &[u32; 3]| corners.iter().all(|&v| (v as usize) < vertices);
         let mut triangles = Vec::with_capacity(faces.corners().len().saturating_sub(2 * faces.len()));

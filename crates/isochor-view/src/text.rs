@@ -65,7 +65,8 @@ impl Lettering {
         }
     }
 
-    /// Writes a line whose middle is at `middle`, smaller where it would be wider than `room`, and shortened where it would be too small to read.
+    /// Writes a line whose middle is at `middle`, smaller where it would be wider than `room`, and shortened where it
+    /// would be too small to read.
     pub(crate) fn write_centered(&self, image: &mut Image, text: &str, [middle, top]: [f32; 2], room: f32) {
         let (lettering, text) = self.fitted(text, room);
         let lower = (self.height - lettering.height) / 2.0;
@@ -110,7 +111,8 @@ fn raised(c: char) -> Option<char> {
     RAISED.iter().find(|(raised, _)| *raised == c).map(|(_, plain)| *plain)
 }
 
-/// Size and height of what is raised, relative to a line. Larger: exponents look like factors; smaller: nobody can read them.
+/// Size and height of what is raised, relative to a line. Larger: exponents look like factors; smaller: nobody can read
+/// them.
 const RAISED_SIZE: f32 = 0.66;
 const RAISED_BY: f32 = 0.26;
 

@@ -18,8 +18,8 @@ fn from_msh([m, s, h]: [f64; 3]) -> [f64; 3] {
 
 #[test]
 fn the_diverging_map_is_morelands() {
-    // K. Moreland 2009: from (80, 1.08, −1.1) to white (88, 0) and on to (80, 1.08, 0.5); at the white the hue is turned on
-    // outwards by s √(M² − m²) / (m sin s), with M = 88, m = 80, so that lightness grows evenly.
+    // K. Moreland 2009: from (80, 1.08, −1.1) to white (88, 0) and on to (80, 1.08, 0.5); at the white the hue is
+    // turned on outwards by s √(M² − m²) / (m sin s), with M = 88, m = 80, so that lightness grows evenly.
     let spin = 1.08 * (88.0f64.powi(2) - 80.0f64.powi(2)).sqrt() / (80.0 * 1.08f64.sin());
     let scale = ColorScale::volume_change(2.0);
     for i in 0..=32 {

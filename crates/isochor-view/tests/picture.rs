@@ -131,7 +131,8 @@ fn all_poses_have_one_camera() {
         assert_eq!(frames.len(), 3);
         let picture = picture(show, &options);
         let strip = strip(show, &StripOptions { picture: options, chosen: Some(vec![2, 0, 9]), columns: Some(1) });
-        // The margin is 13 · 0.8 pixels, between panels as well; captions have other words, so panels alone are compared.
+        // The margin is 13 · 0.8 pixels, between panels as well; captions have other words, so panels alone are
+        // compared.
         let (margin, panel) = (10, [96, 50]);
         for (pose, frame) in frames.iter().enumerate() {
             assert_eq!((frame.width(), frame.height()), (frames[0].width(), frames[0].height()));
@@ -146,7 +147,8 @@ fn all_poses_have_one_camera() {
 
 #[test]
 fn sizes_compare() {
-    // A ball of half the size covers a quarter of the area, up to the difference of its distances (perspective) and its outline.
+    // A ball of half the size covers a quarter of the area, up to the difference of its distances (perspective) and its
+    // outline.
     let mesh = shapes::icosphere(4);
     let half: Vec<DVec3> = mesh.points().iter().map(|p| *p * 0.5).collect();
     let mut show = show(mesh.faces(), mesh.points());
