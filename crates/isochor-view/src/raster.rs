@@ -163,9 +163,15 @@ pub(crate) struct Raster<'a> {
     pub(crate) triangles: &'a [[u32; 3]],
     /// Vertices seen from the eye.
     pub(crate) seen: &'a [DVec3],
-    corners: Vec<Corner>,
-    /// For each chunk of triangles and each band the triangles that may be seen there.
-    bins: Vec<Vec<Vec<u32>>>,
+    /// For each chunk of triangles and each band the pieces that may be seen there.
+    bins: Vec<Vec<Vec<Piece>>>,
+}
+
+/// A triangle, or a part of one that was cut. With its corners, so that they need not be looked up again all over memory.
+#[derive(Clone, Copy, Debug)]
+struct Piece {
+    triangle: u32,
+    corners: [Corner; 3],
 }
 
 /// What is seen in a band, row after row.
@@ -180,37 +186,34 @@ impl<'a> Raster<'a> {
     /// Sorts `triangles` over vertices that are `seen` from the eye.
     pub(crate) fn new(screen: Screen, triangles: &'a [[u32; 3]], seen: &'a [DVec3]) -> Self {
         let corners = parallel::collect(seen.len(), |v| screen.corner(seen[v]));
-        let mut raster = Self { screen, triangles, seen, corners, bins: Vec::new() };
+        let mut raster = Self { screen, triangles, seen, bins: Vec::new() };
         raster.bins = parallel::map_chunks(triangles.len(), CHUNK, |range| {
             let mut bins = vec![Vec::new(); screen.bands()];
             for t in range {
-                let mut rows: Option<[usize; 2]> = None;
-                raster.pieces(t, |corners| {
-                    if let Some((_, [top, bottom])) = raster.covered(corners) {
-                        let [first, last] = rows.unwrap_or([top, bottom]);
-                        rows = Some([first.min(top), last.max(bottom)]);
+                raster.pieces(t, triangles[t].map(|v| corners[v as usize]), |corners| {
+                    if let Some((_, [top, bottom])) = raster.covered(&corners) {
+                        let piece = Piece { triangle: t as u32, corners };
+                        let bands = top / (BAND * SAMPLES)..=bottom / (BAND * SAMPLES);
+                        bins[bands].iter_mut().for_each(|bin| bin.push(piece));
                     }
                 });
-                let Some([top, bottom]) = rows else { continue };
-                bins[top / (BAND * SAMPLES)..=bottom / (BAND * SAMPLES)].iter_mut().for_each(|bin| bin.push(t as u32));
             }
             bins
         });
         raster
     }
 
-    /// Calls `f` with the corners of the parts of a triangle that have a place on the screen: mostly itself.
-    fn pieces(&self, t: usize, mut f: impl FnMut(&[Corner; 3])) {
-        let corners = self.triangles[t].map(|v| self.corners[v as usize]);
+    /// Calls `f` with the corners of the parts of a triangle that have a place on the screen: mostly its own `corners`.
+    fn pieces(&self, t: usize, corners: [Corner; 3], mut f: impl FnMut([Corner; 3])) {
         if corners.iter().all(|c| c.inverse > 0.0) {
-            return f(&corners);
+            return f(corners);
         }
-        if corners.iter().any(|c| c.inverse.is_nan()) || corners.iter().all(|c| c.inverse < 0.0 && self.is_behind(t)) {
+        if corners.iter().any(|c| c.inverse.is_nan()) || self.is_behind(t) {
             return;
         }
         let cut = self.screen.cut(self.triangles[t].map(|v| self.seen[v as usize]).to_vec(), true);
         let corners: Vec<Corner> = cut.iter().map(|p| self.screen.corner(*p)).filter(|c| c.inverse > 0.0).collect();
-        (2..corners.len()).for_each(|k| f(&[corners[0], corners[k - 1], corners[k]]));
+        (2..corners.len()).for_each(|k| f([corners[0], corners[k - 1], corners[k]]));
     }
 
     fn is_behind(&self, t: usize) -> bool {
@@ -235,16 +238,14 @@ impl<'a> Raster<'a> {
         let rows = self.screen.rows(band);
         let samples = rows.len() * self.screen.row();
         let mut depths = Depths { inverse: vec![0.0; samples], triangle: vec![NOTHING; samples] };
-        for bins in &self.bins {
-            for &t in &bins[band] {
-                self.pieces(t as usize, |corners| self.draw(corners, t, &rows, &mut depths));
-            }
+        for piece in self.bins.iter().flat_map(|bins| &bins[band]) {
+            self.draw(piece, &rows, &mut depths);
         }
         depths
     }
 
-    /// Draws a triangle into the rows of a band.
-    fn draw(&self, corners: &[Corner; 3], t: u32, rows: &Range<usize>, depths: &mut Depths) {
+    /// Draws a piece into the rows of a band.
+    fn draw(&self, Piece { triangle, corners }: &Piece, rows: &Range<usize>, depths: &mut Depths) {
         let Some((columns, [top, bottom])) = self.covered(corners) else { return };
         let cross = |a: &Corner, b: &Corner, c: &Corner| {
             let [abx, aby] = [i64::from(b.x) - i64::from(a.x), i64::from(b.y) - i64::from(a.y)];
@@ -282,7 +283,7 @@ impl<'a> Raster<'a> {
                     let inverse = (first_inverse + (x - columns[0]) as f64 * step) as f32;
                     if inverse > depths.inverse[row + x] {
                         depths.inverse[row + x] = inverse;
-                        depths.triangle[row + x] = t;
+                        depths.triangle[row + x] = *triangle;
                     }
                 } else if was_inside {
                     break;
