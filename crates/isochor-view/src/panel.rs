@@ -1,0 +1,339 @@
+//! One pose, drawn: surface, lattice and dots in a panel.
+
+use std::ops::Range;
+
+use glam::DVec3;
+
+use crate::camera::Camera;
+use crate::color_scale::{ColorScale, NO_VALUE};
+use crate::image::{Image, Rgb};
+use crate::ink::{self, Stroke};
+use crate::light::{color_of, light_of, shaded};
+use crate::normals::Normals;
+use crate::parallel;
+use crate::raster::{BAND, NOTHING, Raster, SAMPLES, Screen};
+use crate::show::ShownLattice;
+use crate::surface::Surface;
+
+/// The model without a scale: a light grey with a little blue.
+const PLAIN: Rgb = [222, 225, 232];
+
+/// The inside of open models: the warm counterpart.
+const INSIDE: Rgb = [219, 164, 120];
+
+/// Part of the light that is left on the inside of models with a scale. Larger: it looks like the outside; smaller: no
+/// colour can be read there.
+const BACK: f64 = 0.6;
+
+/// Lattice lines and control points.
+const LATTICE: Rgb = [46, 62, 92];
+const CONTROLS: Rgb = [28, 64, 140];
+
+/// Width of lattice lines and control points, in pixels of a panel of [`REFERENCE`] pixels. Larger: they cover the
+/// model; smaller: they vanish.
+const LINE_WIDTH: f64 = 1.0;
+const DOT_WIDTH: f64 = 4.2;
+const REFERENCE: f64 = 480.0;
+
+/// Of lattices with more control points than this along some axis only the six sides are drawn, with smaller dots.
+/// Larger: nothing can be seen behind them; smaller: the inside of ordinary lattices is missing.
+const ROOMY: f64 = 10.0;
+
+/// Strength of lattice lines and control points, nearest and farthest: what is far away is paler. Larger: they cover
+/// the model; smaller: they vanish.
+const LINE_STRENGTHS: [f64; 2] = [0.58, 0.26];
+const DOT_STRENGTHS: [f64; 2] = [0.95, 0.55];
+
+/// Part of the strength that is left behind the model. Larger: one cannot tell what is before it; smaller: hidden lines
+/// vanish.
+const HIDDEN: f32 = 0.22;
+
+/// Steps of a scale. More: memory; fewer: bands of colour.
+const SHADES: usize = 1024;
+
+/// What is drawn.
+pub(crate) struct Panel<'a> {
+    pub(crate) surface: &'a Surface,
+    pub(crate) points: &'a [DVec3],
+    /// Places of the vertices on the scale (not a number: none), and the scale.
+    pub(crate) colored: Option<(&'a [f64], ColorScale)>,
+    pub(crate) lattice: Option<&'a ShownLattice<'a>>,
+    pub(crate) camera: &'a Camera,
+    /// Width and height in pixels, and which of the rows are wanted.
+    pub(crate) size: [usize; 2],
+    pub(crate) rows: Range<usize>,
+    pub(crate) background: Rgb,
+    /// Whether triangles run clockwise seen from outside.
+    pub(crate) is_inside_out: bool,
+}
+
+/// A panel with all that its bands need.
+struct Prepared<'a> {
+    panel: &'a Panel<'a>,
+    raster: Raster<'a>,
+    normals: Normals<'a>,
+    lines: Vec<Stroke>,
+    dots: Vec<Stroke>,
+    palette: Palette,
+}
+
+/// Colours as light.
+struct Palette {
+    plain: DVec3,
+    inside: DVec3,
+    none: DVec3,
+    background: DVec3,
+    lattice: DVec3,
+    controls: DVec3,
+    /// Of the scale from end to end; empty without a scale.
+    shades: Vec<DVec3>,
+}
+
+impl Panel<'_> {
+    /// The wanted rows of the panel as an image.
+    pub(crate) fn image(&self) -> Image {
+        let screen = Screen::new(self.camera, self.size);
+        let points = &self.points[..self.surface.vertices()];
+        let seen = parallel::collect(points.len(), |v| self.camera.seen(points[v]));
+        let (raster, normals) = parallel::both(
+            || Raster::new(screen, &self.surface.triangles, &seen),
+            || Normals::new(self.surface, &seen),
+        );
+        let (lines, dots) = self.strokes(&screen);
+        let prepared = Prepared { panel: self, raster, normals, lines, dots, palette: self.palette() };
+        let first = self.rows.start / BAND;
+        let bands = parallel::map(self.rows.end.div_ceil(BAND) - first, |band| prepared.pixels(first + band));
+        let skipped = (self.rows.start - first * BAND) * self.size[0];
+        let pixels = bands.into_iter().flatten().skip(skipped).take(self.rows.len() * self.size[0]).collect();
+        Image::of_rows(self.size[0], pixels)
+    }
+
+    fn palette(&self) -> Palette {
+        let shade = |scale: &ColorScale, i: usize| light_of(scale.color_at(i as f64 / (SHADES - 1) as f64));
+        let shades = |(_, scale): &(&[f64], ColorScale)| (0..SHADES).map(|i| shade(scale, i)).collect();
+        Palette {
+            plain: light_of(PLAIN),
+            inside: light_of(INSIDE),
+            none: light_of(NO_VALUE),
+            background: light_of(self.background),
+            lattice: light_of(LATTICE),
+            controls: light_of(CONTROLS),
+            shades: self.colored.as_ref().map(shades).unwrap_or_default(),
+        }
+    }
+
+    /// Lines between neighbouring control points, and the control points.
+    fn strokes(&self, screen: &Screen) -> (Vec<Stroke>, Vec<Stroke>) {
+        let Some(lattice) = self.lattice else { return (Vec::new(), Vec::new()) };
+        let seen: Vec<DVec3> = lattice.controls.iter().map(|c| self.camera.seen(*c)).collect();
+        let distances = seen.iter().filter(|c| c.is_finite()).map(|c| -c.z);
+        let [near, far] =
+            distances.fold([f64::INFINITY, f64::NEG_INFINITY], |[low, high], w| [low.min(w), high.max(w)]);
+        let strength = |[nearest, farthest]: [f64; 2], place: DVec3| {
+            let depth = if far > near { ((-place.z - near) / (far - near)).clamp(0.0, 1.0) } else { 0.0 };
+            (nearest + (farthest - nearest) * depth) as f32
+        };
+        let zoom = (self.size[0].min(self.size[1]) as f64 / REFERENCE).max(1.0);
+        let most = lattice.size.into_iter().max().unwrap_or(0);
+        let crowd = (ROOMY / most as f64).min(1.0);
+        let is_shown = |place: [usize; 3], along: Option<usize>| {
+            let is_outer =
+                |axis: usize| Some(axis) != along && (place[axis] == 0 || place[axis] + 1 == lattice.size[axis]);
+            crowd == 1.0 || (0..3).any(is_outer)
+        };
+        let line = |(place, axis, [a, b]): ([usize; 3], usize, [usize; 2])| {
+            let ends = [*seen.get(a)?, *seen.get(b)?];
+            let strength = strength(LINE_STRENGTHS, (ends[0] + ends[1]) / 2.0);
+            is_shown(place, Some(axis)).then(|| Stroke::line(screen, ends, zoom * LINE_WIDTH, strength))?
+        };
+        let dot = |node: usize| {
+            let strength = strength(DOT_STRENGTHS, seen[node]);
+            let width = zoom * (DOT_WIDTH * crowd).max(2.0 * LINE_WIDTH);
+            is_shown(place(lattice.size, node), None).then(|| Stroke::dot(screen, seen[node], width, strength))?
+        };
+        let nodes = nodes(lattice.size, seen.len());
+        (edges(lattice.size, seen.len()).filter_map(line).collect(), (0..nodes).filter_map(dot).collect())
+    }
+}
+
+/// Number of control points that both a lattice of this size and its positions have.
+fn nodes(size: [usize; 3], controls: usize) -> usize {
+    size.into_iter().fold(1, usize::saturating_mul).min(controls)
+}
+
+/// Index of a control point along u, v, w.
+fn place(size: [usize; 3], node: usize) -> [usize; 3] {
+    [node / size[1].saturating_mul(size[2]), node / size[2] % size[1], node % size[2]]
+}
+
+/// Neighbours in a lattice of which `controls` positions are known: index of the first of both along u, v, w, the axis
+/// along which the second is the next, and both. The second may be one whose position is not known.
+fn edges(size: [usize; 3], controls: usize) -> impl Iterator<Item = ([usize; 3], usize, [usize; 2])> {
+    let strides = [size[1].saturating_mul(size[2]), size[2], 1];
+    (0..nodes(size, controls)).flat_map(move |node| {
+        let place = place(size, node);
+        let axes = (0..3).filter(move |&axis| place[axis] + 1 < size[axis]);
+        axes.map(move |axis| (place, axis, [node, node.saturating_add(strides[axis])]))
+    })
+}
+
+impl Prepared<'_> {
+    /// Pixels of a band, row after row.
+    fn pixels(&self, band: usize) -> Vec<Rgb> {
+        let screen = &self.raster.screen;
+        let depths = self.raster.depths(band);
+        let lines = ink::strengths(screen, band, &self.lines, &depths, HIDDEN);
+        let dots = ink::strengths(screen, band, &self.dots, &depths, HIDDEN);
+        let rows = screen.rows(band);
+        let mut brush = Brush::new(self);
+        let mut pixels = Vec::with_capacity(rows.len() / SAMPLES * screen.size[0]);
+        for top in rows.clone().step_by(SAMPLES) {
+            for left in (0..screen.row()).step_by(SAMPLES) {
+                let first = (top - rows.start) * screen.row() + left;
+                let samples: [usize; SAMPLES * SAMPLES] =
+                    std::array::from_fn(|i| first + i / SAMPLES * screen.row() + i % SAMPLES);
+                let light = brush.lights(samples.map(|sample| depths.triangle[sample]), [left, top]);
+                let inked = |(sample, light): (usize, DVec3)| {
+                    let lined = light.lerp(self.palette.lattice, f64::from(lines[sample]));
+                    lined.lerp(self.palette.controls, f64::from(dots[sample]))
+                };
+                let sum: DVec3 = samples.into_iter().zip(light).map(inked).sum();
+                pixels.push(color_of(sum / samples.len() as f64));
+            }
+        }
+        pixels
+    }
+}
+
+/// So many triangles of a pixel are shaded, each once; others look like their mean. More: time; fewer: pixels with more
+/// triangles than this are noisy.
+const SHADED: usize = 4;
+
+/// Shades samples; knows the triangle of the last one, because the next is mostly on the same.
+struct Brush<'a> {
+    prepared: &'a Prepared<'a>,
+    triangle: u32,
+    /// Products of its corners seen from the eye: of the second and third, the third and first, the first and second.
+    /// The weights of the corners along a line of sight are their products with it.
+    products: [DVec3; 3],
+    normals: [DVec3; 3],
+    /// Places of its corners on the scale.
+    places: [f64; 3],
+    /// Normal on the side that is seen.
+    side: DVec3,
+    is_back: bool,
+}
+
+impl<'a> Brush<'a> {
+    fn new(prepared: &'a Prepared<'a>) -> Self {
+        let (triangle, products, normals) = (NOTHING, [DVec3::ZERO; 3], [DVec3::ZERO; 3]);
+        Self { prepared, triangle, products, normals, places: [0.0; 3], side: DVec3::Z, is_back: false }
+    }
+
+    /// The light from all samples of the pixel whose first sample is `first` from the left and the top.
+    fn lights(&mut self, triangles: [u32; SAMPLES * SAMPLES], first: [usize; 2]) -> [DVec3; SAMPLES * SAMPLES] {
+        let mut known = [(NOTHING, self.prepared.palette.background); SHADED + 1];
+        let mut count = 1;
+        let [left, top] = first.map(|x| x as f64 + 0.5);
+        let is_alike = triangles.iter().all(|t| *t == triangles[0]);
+        if is_alike {
+            // Of one triangle the light of the pixel's middle will do.
+            let middle = (SAMPLES - 1) as f64 / 2.0;
+            return [self.light(triangles[0], [left + middle, top + middle]); SAMPLES * SAMPLES];
+        }
+        for (i, &triangle) in triangles.iter().enumerate() {
+            if count <= SHADED && known[..count].iter().all(|(t, _)| *t != triangle) {
+                let at = [left + (i % SAMPLES) as f64, top + (i / SAMPLES) as f64];
+                known[count] = (triangle, self.light(triangle, at));
+                count += 1;
+            }
+        }
+        let shaded = &known[1..count];
+        let mean = shaded.iter().map(|(_, light)| *light).sum::<DVec3>() / shaded.len().max(1) as f64;
+        triangles.map(|triangle| known[..count].iter().find(|(t, _)| *t == triangle).map_or(mean, |(_, light)| *light))
+    }
+
+    /// The light from `triangle` at a place of the screen, in samples from the left and the top.
+    fn light(&mut self, triangle: u32, at: [f64; 2]) -> DVec3 {
+        let Prepared { panel, raster, palette, .. } = self.prepared;
+        if triangle == NOTHING {
+            return palette.background;
+        }
+        if triangle != self.triangle {
+            self.take(triangle);
+        }
+        let sight = raster.screen.sight(at);
+        let weights = self.products.map(|product| product.dot(sight));
+        let sum: f64 = weights.iter().sum();
+        // Samples at the border may be a little outside; of a triangle that is seen from its side nothing is known.
+        let inner = weights.map(|w| (w / sum).clamp(0.0, 1.0));
+        let sum: f64 = inner.iter().sum();
+        let weights = if sum > 0.0 { inner.map(|w| w / sum) } else { [1.0 / 3.0; 3] };
+
+        let smooth: DVec3 = (0..3).map(|i| self.normals[i] * weights[i]).sum();
+        let normal = smooth.try_normalize().unwrap_or(self.side);
+        let base = if palette.shades.is_empty() {
+            if self.is_back { palette.inside } else { palette.plain }
+        } else {
+            let place: f64 = (0..3).map(|i| self.places[i] * weights[i]).sum();
+            let shade = (place.clamp(0.0, 1.0) * (SHADES - 1) as f64).round();
+            let side = if self.is_back { BACK } else { 1.0 };
+            if shade.is_nan() { palette.none } else { palette.shades[shade as usize] * side }
+        };
+        shaded(base, normal, -sight.normalize(), panel.camera.zenith())
+    }
+
+    /// Makes `triangle` the one that is shaded.
+    fn take(&mut self, triangle: u32) {
+        let Prepared { panel, raster, normals, .. } = self.prepared;
+        let corners = raster.triangles[triangle as usize];
+        let [a, b, c] = corners.map(|v| raster.seen[v as usize]);
+        self.triangle = triangle;
+        self.products = [b.cross(c), c.cross(a), a.cross(b)];
+        // The eye is at 0: it is on the side of the normal n where n · a < 0.
+        let is_clockwise = a.dot(self.products[0]) > 0.0;
+        self.is_back = is_clockwise != panel.is_inside_out;
+        let sign = if is_clockwise { -1.0 } else { 1.0 };
+        self.normals = normals.at_corners(triangle as usize).map(|n| n * sign);
+        self.side = ((b - a).cross(c - a) * sign).try_normalize().unwrap_or(DVec3::Z);
+        if let Some((places, _)) = panel.colored {
+            self.places = corners.map(|v| places[v as usize]);
+        }
+    }
+}
+
+/// Whether a surface over `points` is inside out: its signed volume about the middle of the points is clearly negative.
+pub(crate) fn is_inside_out(surface: &Surface, points: &[DVec3], camera: &Camera) -> bool {
+    let pieces = |range: Range<usize>| {
+        let volume = |[a, b, c]: [DVec3; 3]| a.cross(b).dot(c);
+        let corners = |t: &[u32; 3]| t.map(|v| camera.centered(points[v as usize]));
+        surface.triangles[range].iter().map(corners).map(volume).filter(|v| v.is_finite()).sum::<f64>()
+    };
+    parallel::map_chunks(surface.triangles.len(), parallel::CHUNK, pieces).into_iter().sum::<f64>() < -CLEARLY
+}
+
+/// Six times the volume, in cubed half extents, from which on a surface counts as inside out. Larger: thin bodies that
+/// are inside out show their inside; smaller: open sheets show either side, as rounding wants.
+const CLEARLY: f64 = 1e-6;
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_lattice_has_an_edge_between_neighbours() {
+        // l (m − 1) n and so on.
+        for [l, m, n] in [[2, 2, 2], [3, 4, 5], [1, 1, 1], [1, 2, 3]] {
+            let count = (l - 1) * m * n + l * (m - 1) * n + l * m * (n - 1);
+            assert_eq!(edges([l, m, n], l * m * n).count(), count);
+        }
+        let pairs = edges([2, 1, 2], 4).map(|(_, _, pair)| pair);
+        assert_eq!(pairs.collect::<Vec<_>>(), [[0, 2], [0, 1], [1, 3], [2, 3]]);
+    }
+
+    #[test]
+    fn a_lattice_without_control_points_has_no_edges() {
+        assert_eq!(edges([0, 3, 3], 9).count(), 0);
+        assert_eq!(edges([usize::MAX; 3], 0).count(), 0);
+    }
+}
