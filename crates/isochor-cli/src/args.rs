@@ -91,6 +91,7 @@ const DEFORM_EXAMPLES: &str = "Examples:
   isochor deform shape:ball -o flat.obj --stretch z=0.4 --preserve xy
   isochor deform tank.stl -o larger.stl --lattice 8x8x4 --volume 110% --pin k=0
   isochor deform horse.ply -o bent.ply --bend x=60,z --save-controls bent.json --report bent-report.json
+  isochor deform spot.obj -o spot-twisted.obj --twist y=60 --picture spot.png --up y --report spot.html
   isochor deform --job twist.toml --lattice 10
 
 Edits act on the control points of the lattice in the order in which they are typed, after those of a job file.
@@ -109,7 +110,7 @@ pub struct DeformArgs {
     /// Replace the model's file by the result.
     #[arg(long, conflicts_with = "output")]
     pub in_place: bool,
-    /// Write the report to a .json file.
+    /// Write the report to a .json file, or as a page for people to an .html file.
     #[arg(long, value_name = "FILE")]
     pub report: Option<PathBuf>,
     /// Write the lattice after the correction to a .json file.
@@ -118,6 +119,25 @@ pub struct DeformArgs {
     /// Number type of the written coordinates.
     #[arg(long, value_enum)]
     pub precision: Option<PrecisionArg>,
+
+    /// Draw the model at rest, deformed and corrected to a .png file; of a film, frames side by side.
+    #[arg(long, value_name = "FILE", help_heading = "Pictures")]
+    pub picture: Option<PathBuf>,
+    /// Draw a film to an animated .png file.
+    #[arg(long, value_name = "FILE", help_heading = "Pictures")]
+    pub animation: Option<PathBuf>,
+    /// What colours of pictures say.
+    #[arg(long, value_enum, help_heading = "Pictures")]
+    pub color: Option<ColorArg>,
+    /// Which way is up in pictures.
+    #[arg(long, value_enum, help_heading = "Pictures")]
+    pub up: Option<UpArg>,
+    /// From where pictures are seen: degrees about the upward axis and from above, -60,22.
+    #[arg(long, value_name = "AZIMUTH,ELEVATION", allow_hyphen_values = true, help_heading = "Pictures")]
+    pub view: Option<String>,
+    /// Draw pictures without the lattice.
+    #[arg(long, help_heading = "Pictures")]
+    pub no_lattice: bool,
 
     /// Control points along the axes: 6x6x6, or one number for all.
     #[arg(long, value_name = "NxNxN", help_heading = "Lattice")]
@@ -221,6 +241,26 @@ pub enum PrecisionArg {
     File,
     /// 64-bit floats.
     F64,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum ColorArg {
+    /// By what factor the volume of a small piece changed.
+    Volume,
+    /// How far vertices moved.
+    Displacement,
+    /// Nothing.
+    Plain,
+}
+
+#[derive(Clone, Copy, Debug, ValueEnum)]
+pub enum UpArg {
+    /// The first coordinate.
+    X,
+    /// The second coordinate.
+    Y,
+    /// The third coordinate.
+    Z,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

@@ -153,6 +153,12 @@ pub fn pin(text: &str) -> Result<Selector, Failure> {
     text.parse().map_err(|error| Failure::usage("--pin", format!("{error}"), "write for example k=0 or \"i=0,5 k=2\""))
 }
 
+/// `-60,22`
+pub fn view(text: &str) -> Result<[f64; 2], Failure> {
+    let parsed = || <[f64; 2]>::try_from(numbers(text)?).ok();
+    parsed().ok_or_else(|| refused("view", text, "-60,22"))
+}
+
 /// `1204:0.3`
 pub fn falloff(text: &str) -> Result<Falloff, Failure> {
     let parsed = || {

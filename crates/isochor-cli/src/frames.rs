@@ -5,6 +5,7 @@ use isochor_io::Document;
 
 use crate::failure::Failure;
 use crate::files::Pending;
+use crate::pictures::FilmPictures;
 use crate::request::{Request, Requests};
 use crate::run::{json, lattice, write};
 use crate::terminal::{Progress, Terminal};
@@ -23,21 +24,26 @@ pub struct Frame<'a> {
 
 /// Runs a film and writes its models and its report: all files, or none.
 pub fn run(requests: &Requests, terminal: &Terminal) -> Result<FilmReport, Failure> {
-    let progress = terminal.progress(requests.frames() + 1);
+    let progress = terminal.progress(requests.frames() + 2);
     let mut pending = Pending::default();
     let mut frames = Vec::with_capacity(requests.frames());
+    let mut pictures = FilmPictures::of(requests)?;
     let model = each(requests, &progress, &mut |frame| {
         let Frame { time, request, document, mut outcome } = frame;
         let mut writing = Stopwatch::start();
         write(request, document, &mut outcome, &mut pending)?;
         writing.lap("write");
+        pictures.keep(time, request, document.mesh(), &outcome)?;
         let mut report = FrameReport::of(time, outcome.report);
         report.timings_ms.0.extend(writing.timings().0);
         frames.push(report);
         Ok(())
     })?;
+    let first = requests.frame(0)?;
+    progress.begin("draw");
+    pictures.draw(&first.job.view, &mut pending)?;
     let report = FilmReport { version: env!("CARGO_PKG_VERSION").into(), model, frames };
-    if let Some(path) = &requests.frame(0)?.report {
+    if let Some(path) = &first.report {
         pending.add(path, json(&report).as_bytes())?;
     }
     pending.commit()?;

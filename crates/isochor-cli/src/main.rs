@@ -9,6 +9,7 @@ mod frames;
 mod info;
 mod model;
 mod pages;
+mod pictures;
 mod request;
 mod run;
 mod terminal;

@@ -43,6 +43,14 @@ impl Model {
         }
     }
 
+    /// What people call it: the name of its file, or of the shape.
+    pub fn name(&self) -> String {
+        match self {
+            Self::File { path, .. } => path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned(),
+            Self::Shape(shape) => shape.to_string(),
+        }
+    }
+
     /// The model as a file that is to be written in `output` format: its own for files, for shapes that of the output, with 64-bit
     /// floats. STL holds neither those nor shared vertices, so there the shape is converted at the end like any other model.
     pub fn document(&self, output: Format) -> Result<Document, Failure> {

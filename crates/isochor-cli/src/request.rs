@@ -3,13 +3,14 @@
 use std::path::{Path, PathBuf};
 
 use isochor::{
-    BasisKind, Directions, Film, Job, JobTextError, KnotRule, Knots, LatticeRequest, MethodKind, MobilityKind,
-    Objective, OpenBoundaries, Outside, Precision, Preserve, VolumeTarget,
+    Axis, BasisKind, ColorBy, Directions, Film, Job, JobTextError, KnotRule, Knots, LatticeRequest, MethodKind,
+    MobilityKind, Objective, OpenBoundaries, Outside, Precision, Preserve, ViewRequest, VolumeTarget,
 };
 use isochor_io::Format;
 
 use crate::args::{
-    BasisArg, DeformArgs, KnotsArg, MethodArg, MobilityArg, ObjectiveArg, OpenArg, OutsideArg, PrecisionArg,
+    BasisArg, ColorArg, DeformArgs, KnotsArg, MethodArg, MobilityArg, ObjectiveArg, OpenArg, OutsideArg, PrecisionArg,
+    UpArg,
 };
 use crate::failure::Failure;
 use crate::model::Model;
@@ -25,6 +26,8 @@ pub struct Request {
     pub lattice_file: Option<PathBuf>,
     pub report: Option<PathBuf>,
     pub save_controls: Option<PathBuf>,
+    pub picture: Option<PathBuf>,
+    pub animation: Option<PathBuf>,
 }
 
 /// What was asked for: a single request, or one for each frame.
@@ -55,8 +58,40 @@ impl<'a> Requests<'a> {
         self.film.as_ref().map_or(0.0, |film| film.time(frame))
     }
 
+    /// What was asked for, as it was given: the text of the job file, or the command line.
+    pub fn text(&self) -> Result<String, Failure> {
+        match &self.args.job {
+            Some(path) => files::text(path),
+            None => Ok(std::env::args().collect::<Vec<_>>().join(" ")),
+        }
+    }
+
     /// The request of `frame`. In a film, outputs have numbers.
     pub fn frame(&self, frame: usize) -> Result<Request, Failure> {
+        let mut job = self.job(frame)?;
+        if self.frames() == 1 {
+            if let Some(path) = &job.animation {
+                let what = "only a film can be animated: the job has a single frame";
+                return Err(Failure::file(path, what, "add frames = 36 to the job file, or draw a picture"));
+            }
+        } else {
+            if let Some(path) = job.report.as_ref().filter(|path| has_extension(path, "html")) {
+                let what = "a film is reported as JSON";
+                return Err(Failure::file(path, what, "choose a name that ends in .json"));
+            }
+            let name = |path: &mut PathBuf| *path = numbered(path, frame + 1, self.frames());
+            [&mut job.output, &mut job.save_controls].into_iter().flatten().for_each(name);
+        }
+        Request::from_job(job, self.args.job.as_deref(), self.args.in_place)
+    }
+
+    /// The output as it was named, without a number.
+    pub fn output(&self) -> Result<Option<PathBuf>, Failure> {
+        Ok(self.job(0)?.output)
+    }
+
+    /// The job of `frame`, as the file and the flags say.
+    fn job(&self, frame: usize) -> Result<Job, Failure> {
         let mut job = match (&self.film, &self.args.job) {
             (Some(film), Some(path)) => {
                 let failed = |error: JobTextError| Failure::job_text(path, &error);
@@ -65,12 +100,7 @@ impl<'a> Requests<'a> {
             _ => Job::default(),
         };
         apply_flags(&mut job, self.args)?;
-        if self.frames() > 1 {
-            for path in [&mut job.output, &mut job.save_controls].into_iter().flatten() {
-                *path = numbered(path, frame + 1, self.frames());
-            }
-        }
-        Request::from_job(job, self.args.job.as_deref(), self.args.in_place)
+        Ok(job)
     }
 }
 
@@ -106,23 +136,50 @@ impl Request {
         let (report, save_controls) = (job.report.clone(), job.save_controls.clone());
         let lattice_file = job.lattice.as_ref().and_then(|lattice| lattice.file.clone());
         let output_format = Format::from_path(&output).map_err(|error| Failure::read(&output, &error))?;
-        let request = Self { job, model, output, output_format, lattice_file, report, save_controls };
+        let (picture, animation) = (job.picture.clone(), job.animation.clone());
+        let request =
+            Self { job, model, output, output_format, lattice_file, report, save_controls, picture, animation };
+        request.check_view()?;
         request.check_paths(job_file, in_place)?;
         Ok(request)
     }
 
+    /// Numbers of the view are those of a picture.
+    fn check_view(&self) -> Result<(), Failure> {
+        let ViewRequest { azimuth, elevation, size, milliseconds, .. } = self.job.view;
+        let refused = |key: &str, what: String, hint: &str| Err(Failure::usage(format!("view.{key}"), what, hint));
+        if !azimuth.is_finite() {
+            return refused("azimuth", format!("it is {azimuth}"), "give it in degrees, such as -60");
+        }
+        if !(-90.0..=90.0).contains(&elevation) {
+            return refused("elevation", format!("it is {elevation}"), "give it in degrees, from -90 to 90");
+        }
+        let sides = SMALLEST_PANEL..=LARGEST_PANEL;
+        if let Some(size) = size.filter(|size| !size.iter().all(|side| sides.contains(side))) {
+            let what = format!("it is {} × {} pixels", size[0], size[1]);
+            return refused("size", what, &format!("sides are from {SMALLEST_PANEL} to {LARGEST_PANEL} pixels"));
+        }
+        if milliseconds == 0 {
+            return refused("milliseconds", "it is 0".into(), "show each frame for a while, such as 80");
+        }
+        Ok(())
+    }
+
     /// Inputs are never overwritten, outputs never one another.
     fn check_paths(&self, job_file: Option<&Path>, in_place: bool) -> Result<(), Failure> {
-        let outputs = [("the report", &self.report), ("save-controls", &self.save_controls)];
-        for (what, path) in outputs {
+        let outputs = [
+            ("the report", &self.report, &["json", "html"][..]),
+            ("save-controls", &self.save_controls, &["json"]),
+            ("the picture", &self.picture, &["png"]),
+            ("the animation", &self.animation, &["png"]),
+        ];
+        for (what, path, extensions) in outputs {
             let Some(path) = path else { continue };
-            let extension = path.extension().map(|e| e.to_ascii_lowercase());
-            if extension.is_none_or(|e| e != "json") {
-                return Err(Failure::file(
-                    path,
-                    format!("{what} is written as JSON"),
-                    "choose a name that ends in .json",
-                ));
+            if !extensions.iter().any(|extension| has_extension(path, extension)) {
+                let names = extensions.iter().map(|e| format!(".{e}")).collect::<Vec<_>>().join(" or ");
+                let what =
+                    format!("{what} is written as {}", names.replace('.', "").to_uppercase().replace("OR", "or"));
+                return Err(Failure::file(path, what, format!("choose a name that ends in {names}")));
             }
         }
         let mut taken: Vec<(&str, &Path)> = Vec::new();
@@ -133,7 +190,7 @@ impl Request {
         taken.extend(self.lattice_file.as_deref().map(|path| ("the lattice file", path)));
         let written = [("the output", Some(self.output.as_path()).filter(|_| !in_place))]
             .into_iter()
-            .chain(outputs.map(|(what, path)| (what, path.as_deref())));
+            .chain(outputs.map(|(what, path, _)| (what, path.as_deref())));
         for (what, path) in written {
             let Some(path) = path else { continue };
             if let Some((other, _)) = taken.iter().find(|(_, taken)| files::are_same(taken, path)) {
@@ -147,6 +204,15 @@ impl Request {
         }
         Ok(())
     }
+}
+
+/// Sides of a pose in a picture, in pixels. Less: captions do not fit; more: memory.
+const SMALLEST_PANEL: u32 = 64;
+const LARGEST_PANEL: u32 = 8192;
+
+/// Whether a file's name ends so, in capitals or not.
+pub fn has_extension(path: &Path, extension: &str) -> bool {
+    path.extension().is_some_and(|e| e.eq_ignore_ascii_case(extension))
 }
 
 /// Reads a job file.
@@ -170,8 +236,9 @@ fn in_working_folder(mut job: Job, job_file: &Path) -> Job {
         }
     }
     let lattice_file = job.lattice.as_mut().and_then(|lattice| lattice.file.as_mut());
-    let paths = [job.output.as_mut(), job.report.as_mut(), job.save_controls.as_mut(), lattice_file];
-    for path in paths.into_iter().flatten() {
+    let outputs = [&mut job.output, &mut job.report, &mut job.save_controls, &mut job.picture, &mut job.animation];
+    let paths = outputs.map(Option::as_mut).into_iter().chain([lattice_file]);
+    for path in paths.flatten() {
         *path = folder.join(&*path);
     }
     job
@@ -193,11 +260,14 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
     set(&mut job.output, &args.output);
     set(&mut job.report, &args.report);
     set(&mut job.save_controls, &args.save_controls);
+    set(&mut job.picture, &args.picture);
+    set(&mut job.animation, &args.animation);
     match args.precision {
         Some(PrecisionArg::File) => job.precision = Precision::File,
         Some(PrecisionArg::F64) => job.precision = Precision::F64,
         None => {}
     }
+    apply_view_flags(job, args)?;
     apply_lattice_flags(job, args)?;
     for (flag, text) in &args.edits_in_order {
         job.edit.push(flags::edit(flag, text)?);
@@ -273,6 +343,29 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
         Some(OpenArg::Cap) => preserve.open = OpenBoundaries::Cap,
         Some(OpenArg::Refuse) => preserve.open = OpenBoundaries::Refuse,
         None => {}
+    }
+    Ok(())
+}
+
+fn apply_view_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
+    let view = &mut job.view;
+    match args.color {
+        Some(ColorArg::Volume) => view.color = ColorBy::Volume,
+        Some(ColorArg::Displacement) => view.color = ColorBy::Displacement,
+        Some(ColorArg::Plain) => view.color = ColorBy::Plain,
+        None => {}
+    }
+    match args.up {
+        Some(UpArg::X) => view.up = Axis::X,
+        Some(UpArg::Y) => view.up = Axis::Y,
+        Some(UpArg::Z) => view.up = Axis::Z,
+        None => {}
+    }
+    if let Some(text) = &args.view {
+        [view.azimuth, view.elevation] = flags::view(text)?;
+    }
+    if args.no_lattice {
+        view.lattice = false;
     }
     Ok(())
 }

@@ -3,15 +3,16 @@
 use std::process::ExitCode;
 
 use isochor::{JobInput, Outcome, PosedLattice, Precision, Report, Stage, Stopwatch};
+use isochor_view::{Figure, Page, Show};
 use isochor_io::{Document, Format, NumberType, WriteOptions, Written, lattice_from_json, lattice_to_json};
 
 use crate::args::{Cli, Command};
 use crate::failure::Failure;
 use crate::files::{self, Pending};
 use crate::model::Model;
-use crate::request::{Request, Requests};
+use crate::request::{Request, Requests, has_extension};
 use crate::terminal::Terminal;
-use crate::{demo, frames, info, pages};
+use crate::{demo, frames, info, pages, pictures};
 
 /// Runs what was asked and says with which code to end.
 pub fn command(cli: Cli) -> ExitCode {
@@ -31,7 +32,7 @@ pub fn command(cli: Cli) -> ExitCode {
                 return terminal.film(&report, &requests);
             }
             let request = requests.frame(0)?;
-            let report = deform(&request, &terminal)?;
+            let report = deform(&request, &requests.text()?, &terminal)?;
             terminal.report(&report, &request);
             Ok(())
         }),
@@ -44,9 +45,9 @@ pub fn command(cli: Cli) -> ExitCode {
     }
 }
 
-/// Runs a deformation and writes its files: all of them, or none.
-pub fn deform(request: &Request, terminal: &Terminal) -> Result<Report, Failure> {
-    let progress = terminal.progress(Stage::ALL.len() + 2);
+/// Runs a deformation and writes its files: all of them, or none. `asked` is the request as it was given.
+pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Report, Failure> {
+    let progress = terminal.progress(Stage::ALL.len() + 3);
     let mut watch = Stopwatch::start();
     progress.begin("read");
     let document = request.model.document(request.output_format)?;
@@ -62,10 +63,34 @@ pub fn deform(request: &Request, terminal: &Terminal) -> Result<Report, Failure>
     let mut pending = Pending::default();
     write(request, &document, &mut outcome, &mut pending)?;
     writing.lap("write");
-    let mut report = outcome.report;
+    let page = request.report.as_ref().filter(|path| has_extension(path, "html"));
+    let is_drawn = page.is_some() || request.picture.is_some();
+    let course = outcome.course().filter(|_| is_drawn);
+    let show = is_drawn.then(|| Show::of_job(document.mesh(), &outcome, course.as_ref()));
+    let drawn = show.as_ref().map(|show| {
+        progress.begin("draw");
+        let png = pictures::of_job(show, &request.job.view);
+        writing.lap("draw");
+        png
+    });
+    if let (Some(path), Some(png)) = (&request.picture, &drawn) {
+        pending.add(path, png)?;
+    }
+    let mut report = outcome.report.clone();
     report.timings_ms.0.splice(0..0, watch.timings().0);
     report.timings_ms.0.extend(writing.timings().0);
-    if let Some(path) = &request.report {
+    if let Some(path) = page {
+        let caption = show.iter().flat_map(|show| &show.poses).map(|pose| &pose.name[..]).collect::<Vec<_>>().join(", ");
+        let page = Page {
+            title: request.model.name(),
+            job: Some(asked.into()),
+            report: &report,
+            pictures: drawn.into_iter().map(|png| Figure { caption: caption.clone(), png }).collect(),
+            show: show.as_ref(),
+            up: request.job.view.up,
+        };
+        pending.add(path, isochor_view::page(&page).as_bytes())?;
+    } else if let Some(path) = &request.report {
         pending.add(path, json(&report).as_bytes())?;
     }
     pending.commit()?;

@@ -9,6 +9,7 @@ use isochor::{ComponentHealth, FilmReport, Health, PartRow, Report, Role, Shell,
 
 use crate::args::OutputArgs;
 use crate::failure::Failure;
+use crate::pictures::FilmPictures;
 use crate::request::{Request, Requests};
 use crate::run::json;
 
@@ -115,8 +116,8 @@ impl Terminal {
         for line in volume_lines(report) {
             self.say(&line);
         }
-        let outputs = [Some(&request.output), request.save_controls.as_ref(), request.report.as_ref()];
-        for path in outputs.into_iter().flatten() {
+        let others = [&request.save_controls, &request.picture, &request.report];
+        for path in [&request.output].into_iter().chain(others.into_iter().flatten()) {
             self.say(&format!("wrote {}", path.display()));
         }
     }
@@ -145,7 +146,8 @@ impl Terminal {
                 self.say(&format!("wrote {frames} files, {} to {}", first.display(), last.display()));
             }
         }
-        if let Some(path) = &first.report {
+        let FilmPictures { strip, animation, .. } = FilmPictures::of(requests)?;
+        for path in [strip, animation, first.report].into_iter().flatten() {
             self.say(&format!("wrote {}", path.display()));
         }
         Ok(())

@@ -9,7 +9,7 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
-use crate::edit::Edit;
+use crate::edit::{Axis, Edit};
 use crate::lattice::Outside;
 use crate::select::Selector;
 use crate::volume::OpenBoundaries;
@@ -22,8 +22,12 @@ pub struct Job {
     pub model: Option<PathBuf>,
     /// Where the result goes; the format follows the extension.
     pub output: Option<PathBuf>,
-    /// Where the report goes (`.json`), if anywhere.
+    /// Where the report goes (`.json` for programs, `.html` for people), if anywhere.
     pub report: Option<PathBuf>,
+    /// Where a picture goes (`.png`), if anywhere: the model at rest, deformed and corrected; of a film some of its frames.
+    pub picture: Option<PathBuf>,
+    /// Where the animated picture of a film goes (`.png`).
+    pub animation: Option<PathBuf>,
     /// Where the lattice after the correction goes, if anywhere.
     pub save_controls: Option<PathBuf>,
     /// Number type of the written coordinates.
@@ -34,6 +38,60 @@ pub struct Job {
     pub edit: Vec<Edit>,
     /// What must hold in the end.
     pub preserve: Preserve,
+    /// How pictures look.
+    pub view: ViewRequest,
+}
+
+/// How pictures look.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct ViewRequest {
+    /// What colours say.
+    pub color: ColorBy,
+    /// Whether the lattice is drawn.
+    pub lattice: bool,
+    /// Which way is up.
+    pub up: Axis,
+    /// From where the model is seen, about the upward axis, in degrees; −90 is from the front, where the other two axes of the model go
+    /// to the right and into the picture.
+    pub azimuth: f64,
+    /// How far from above, in degrees.
+    pub elevation: f64,
+    /// Width and height of a pose in pixels; by default a size that suits what is drawn.
+    pub size: Option<[u32; 2]>,
+    /// How long a frame of an animation is shown.
+    pub milliseconds: u16,
+    /// Whether a film has pictures without being asked for them by name.
+    pub film: bool,
+}
+
+impl Default for ViewRequest {
+    /// Coloured by local volume change, with the lattice, from the front, a little from the right and above; z is up.
+    fn default() -> Self {
+        Self {
+            color: ColorBy::Volume,
+            lattice: true,
+            up: Axis::Z,
+            azimuth: -60.0,
+            elevation: 22.0,
+            size: None,
+            milliseconds: 80,
+            film: true,
+        }
+    }
+}
+
+/// What colours of a picture say.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum ColorBy {
+    /// By what factor the volume of a small piece changed.
+    #[default]
+    Volume,
+    /// How far vertices moved.
+    Displacement,
+    /// Nothing.
+    Plain,
 }
 
 /// Number type of written coordinates.

@@ -130,9 +130,9 @@ pub use film::Film;
 pub use goals::{Components, VolumeGoal};
 pub use health::{ComponentHealth, Health, Source, Verdict};
 pub use job::{
-    Amount, AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots, LatticeRequest,
-    MethodKind, MobilityKind, Objective, PartTarget, PerAxis, PointRequest, Precision, Preserve, ValueError,
-    VolumeTarget,
+    Amount, AxisKnots, AxisLetters, BasisKind, ColorBy, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots,
+    LatticeRequest, MethodKind, MobilityKind, Objective, PartTarget, PerAxis, PointRequest, Precision, Preserve,
+    ValueError, ViewRequest, VolumeTarget,
 };
 #[cfg(feature = "serde")]
 pub use job_text::JobTextError;
