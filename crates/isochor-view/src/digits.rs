@@ -8,12 +8,20 @@ const SHOWN: usize = 6;
 /// Numbers from here on, and from its inverse down, are written with an exponent: as many digits as fit a column.
 const LARGE: f64 = 1e7;
 
-/// `value` with few digits; all of them in the tooltip.
+/// A relative change below this is rounding, and shows as none.
+const NO_CHANGE: f64 = 1e-12;
+
+/// `value` in six digits, zeros at the end too, so that columns line up; all digits in the tooltip.
 pub fn number(value: f64) -> Markup {
+    with_tooltip(value, &six_digits(value))
+}
+
+/// `value` in at most six digits; all of them in the tooltip.
+pub fn short_number(value: f64) -> Markup {
     with_tooltip(value, &significant(value))
 }
 
-/// A relative error or a time, of which only the size matters.
+/// A relative error, of which only the size matters.
 pub fn size(value: f64) -> Markup {
     let text = if value == 0.0 { "0".into() } else { superscript(&format!("{value:.1e}")) };
     with_tooltip(value, &text)
@@ -29,9 +37,15 @@ pub fn change(value: f64, from: f64) -> Markup {
     }
 }
 
-/// `percent` with its sign.
+/// `percent` with its sign; what is rounding is ±0.
 pub fn signed_percent(percent: f64) -> String {
-    minus(&format!("{percent:+.3}")) + "\u{202f}%"
+    let text = match percent.abs() {
+        size if size <= 100.0 * NO_CHANGE => "±0".into(),
+        // Three decimals would show nothing, or too much.
+        size if !(0.001..1e5).contains(&size) => superscript(&format!("{percent:+.1e}")),
+        _ => minus(&format!("{percent:+.3}")),
+    };
+    text + "\u{202f}%"
 }
 
 /// A count with its digits in groups of three.
@@ -44,8 +58,15 @@ pub fn count(value: usize) -> Markup {
     html! { span title=(value) { (text) } }
 }
 
-/// `value` in six digits.
+/// `value` in at most six digits, for sentences.
 pub fn significant(value: f64) -> String {
+    let text = six_digits(value);
+    let (digits, power) = text.split_at(text.find('·').unwrap_or(text.len()));
+    let digits = if digits.contains('.') { digits.trim_end_matches('0').trim_end_matches('.') } else { digits };
+    format!("{digits}{power}")
+}
+
+fn six_digits(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || !value.is_finite() {
         return minus(&value.to_string());
@@ -55,9 +76,7 @@ pub fn significant(value: f64) -> String {
     }
     let whole = size.log10().floor() as i32 + 1;
     let places = (SHOWN as i32 - whole).max(0) as usize;
-    let text = format!("{value:.places$}");
-    let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.') } else { &text };
-    minus(text)
+    minus(&format!("{value:.places$}"))
 }
 
 fn with_tooltip(value: f64, text: &str) -> Markup {
@@ -74,7 +93,6 @@ fn superscript(text: &str) -> String {
         '3' => '³',
         digit => char::from_u32(0x2070 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
     };
-    let mantissa = if mantissa.contains('.') { mantissa.trim_end_matches('0').trim_end_matches('.') } else { mantissa };
     format!("{}·10{}", minus(mantissa), exponent.chars().map(raised).collect::<String>())
 }
 
@@ -88,7 +106,7 @@ mod tests {
     use super::*;
 
     #[test]
-    fn numbers_have_six_digits() {
+    fn numbers_in_sentences_have_at_most_six_digits() {
         for (value, text) in [
             (0.0, "0"),
             (1.0, "1"),
@@ -110,6 +128,7 @@ mod tests {
     #[test]
     fn tooltips_have_all_digits() {
         let third = 1.0 / 3.0;
+        assert_eq!(number(1.0).0, "<span title=\"1.0\">1.00000</span>");
         assert_eq!(number(third).0, "<span title=\"0.3333333333333333\">0.333333</span>");
         assert_eq!(size(2.2e-16).0, "<span title=\"2.2e-16\">2.2·10⁻¹⁶</span>");
         assert_eq!(count(1_234_567).0, "<span title=\"1234567\">1\u{202f}234\u{202f}567</span>");
@@ -120,6 +139,11 @@ mod tests {
     fn changes_from_nothing_are_no_numbers() {
         assert_eq!(change(1.0, 0.0).0, "–");
         assert_eq!(change(0.0, 0.0).0, "–");
+        assert_eq!(change(1.0 + 2e-16, 1.0).0, "<span title=\"2.220446049250313e-14\">±0\u{202f}%</span>");
+        assert_eq!(
+            change(1.0 + 2f64.powi(-24), 1.0).0,
+            "<span title=\"5.9604644775390625e-6\">+6.0·10⁻⁶\u{202f}%</span>"
+        );
         assert_eq!(change(0.5, 1.0).0, "<span title=\"-50.0\">−50.000\u{202f}%</span>");
     }
 }

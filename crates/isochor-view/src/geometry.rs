@@ -17,7 +17,7 @@ use glam::DVec3;
 use isochor::{Bounds, Faces, Mesh, coarse_triangles, fan};
 use serde_json::{Value, json};
 
-use crate::show::Show;
+use crate::show::{Show, ShownLattice, ShownPose};
 
 /// More triangles: nothing that a screen could show; fewer: outlines become polygons on large screens.
 pub const MOST_TRIANGLES: usize = 150_000;
@@ -87,32 +87,33 @@ impl Geometry {
             most = fewer;
         };
 
-        let lattices: Vec<Value> = show
-            .poses
-            .iter()
-            .map(|pose| match &pose.lattice {
-                Some(lattice) if lattice.controls.iter().all(|c| c.is_finite()) => {
-                    json!({"size": lattice.size, "controls": floats(frame.near(&lattice.controls).as_flattened())})
-                }
-                _ => Value::Null,
-            })
-            .collect();
-        let at_places = |change: &[f64]| vertices.iter().map(|v| change[*v as usize] as f32).collect();
+        let at_places = |change: &[f64]| -> Vec<f32> { vertices.iter().map(|v| change[*v as usize] as f32).collect() };
         let changes: Vec<Option<Vec<f32>>> =
             show.poses.iter().map(|pose| pose.volume_change.as_deref().map(at_places)).collect();
         let scale = scale(changes.iter().flatten().flatten().copied());
-        let has_lattice = lattices.iter().any(|lattice| !lattice.is_null());
-        let pose = |((points, change), lattice): ((&Vec<[f32; 3]>, &Option<Vec<f32>>), Value)| {
-            let points: Vec<f32> = vertices.iter().flat_map(|v| points[*v as usize]).collect();
-            json!({"points": floats(&points), "change": change.as_deref().map(floats), "lattice": lattice})
+        let mut has_lattice = false;
+        let mut lattice = |shown: &ShownLattice| {
+            let is_finite = shown.controls.iter().all(|c| c.is_finite());
+            has_lattice |= is_finite;
+            let controls = || floats(frame.near(&shown.controls).as_flattened());
+            if is_finite { json!({"size": shown.size, "controls": controls()}) } else { Value::Null }
         };
+        let pose = |(pose, shown): (usize, &ShownPose)| {
+            let points: Vec<f32> = vertices.iter().flat_map(|v| poses[pose][*v as usize]).collect();
+            json!({
+                "points": floats(&points),
+                "change": changes[pose].as_deref().map(floats),
+                "lattice": shown.lattice.as_ref().map(&mut lattice),
+            })
+        };
+        let shown: Vec<Value> = show.poses.iter().enumerate().map(pose).collect();
         let json = json!({
             "unit": frame.unit,
             "center": frame.center.to_array(),
             "scale": scale,
             "triangles": base64(kept.iter().flatten().flat_map(|v| v.to_le_bytes())),
             "edges": surface.edges.map(|edges| base64(edges.into_iter())),
-            "poses": poses.iter().zip(&changes).zip(lattices).map(pose).collect::<Vec<_>>(),
+            "poses": shown,
         });
         Self {
             // Within a script element only `<` could end it.
@@ -167,8 +168,8 @@ impl Fitted {
         };
         // Halves first: sums of very large coordinates are infinite.
         let half = (max / 2.0 - min / 2.0).max_element();
-        /// Powers of two that have an inverse.
-        const EXPONENTS: [f64; 2] = [-1022.0, 1022.0];
+        /// Powers of two that f64 has with all its digits.
+        const EXPONENTS: [f64; 2] = [-1022.0, 1023.0];
         let exponent = half.log2().ceil().clamp(EXPONENTS[0], EXPONENTS[1]);
         Self { center: min / 2.0 + max / 2.0, unit: if half > 0.0 { 2f64.powi(exponent as i32) } else { 1.0 } }
     }

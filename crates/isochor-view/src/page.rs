@@ -12,7 +12,7 @@ use isochor::{ComponentHealth, Health, PartRow, Report, Role, Verdict, VolumeRep
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use sha2::{Digest, Sha256};
 
-use crate::digits::{change, count, number, signed_percent, significant, size};
+use crate::digits::{change, count, number, short_number, signed_percent, significant, size};
 use crate::geometry::Geometry;
 use crate::request;
 use crate::show::Show;
@@ -210,7 +210,7 @@ fn volume_chart(row: &VolumeRow) -> Markup {
         }
         @if let Some(target) = row.target {
             p.note {
-                span.target-key {} " wanted: " (number(target)) " (" (change(target, row.rest)) ")"
+                span.target-key {} " wanted: " (short_number(target)) " (" (change(target, row.rest)) ")"
                 @if let Some(error) = row.relative_error { "; relative error of the result " (size(error)) }
                 @if let Some(written) = row.written {
                     ", of the written file " (size(((written - target) / target).abs()))
@@ -251,8 +251,8 @@ fn viewer(show: &Show, geometry: &Geometry, has_pictures: bool) -> Markup {
                     @if has_pictures { "The pictures below show it." } @else { "All numbers are below." }
                 }
                 noscript { p.message { "The model can be turned where scripts may run." } }
-                @if let Some(scale) = geometry.scale { (legend(scale)) }
             }
+            @if let Some(scale) = geometry.scale { (legend(scale)) }
             div.buttons {
                 @if show.poses.len() > 1 {
                     div role="group" aria-label="Pose" {
@@ -273,8 +273,10 @@ fn viewer(show: &Show, geometry: &Geometry, has_pictures: bool) -> Markup {
             figcaption {
                 output data-said aria-live="polite" {}
                 span.hint {
-                    "Drag to turn, drag with the right button or two fingers to move, pinch to zoom, or click and use the wheel. Keys: \
-                     arrows, + and −, 0, 1 to " (show.poses.len().min(9)) ", and the first letters of the buttons."
+                    "Drag to turn, drag with the right button or two fingers to move, pinch to zoom, or click and use the wheel."
+                    span.keys {
+                        " Keys: arrows, + and −, 0, 1 to " (show.poses.len().min(9)) ", and the first letters of the buttons."
+                    }
                 }
                 @if shown < of {
                     span.hint {
@@ -316,27 +318,33 @@ fn request(job: &str) -> Markup {
 }
 
 fn parts(volume: &VolumeReport, roles: &[ComponentHealth]) -> Markup {
-    let rows: Vec<(Markup, Markup, &VolumeRow)> = volume
-        .parts
-        .iter()
-        .map(|PartRow { components, row }| (html! { (ranges(components)) }, part_role(components, roles), row))
-        .collect();
-    rows_section("Parts", "components", &rows)
+    let is_component = |part: &PartRow| part.components.len() == 1 && part_role(&part.components, roles).is_empty();
+    if volume.components.len() > 1 && volume.parts.iter().all(is_component) {
+        return html! {}; // the table of components says the same
+    }
+    let named = volume.parts.iter().take(ROWS_HELD).map(|PartRow { components, row }| Row {
+        name: ranges(components),
+        role: part_role(components, roles),
+        volumes: row,
+    });
+    let rows: Vec<Row> = named.collect();
+    with_missing(rows_section("Parts", "components", &rows), volume.parts.len() - rows.len())
 }
 
 fn components(volume: &VolumeReport, roles: &[ComponentHealth]) -> Markup {
     // One component is the whole.
     let several = if volume.components.len() > 1 { &volume.components[..] } else { &[] };
-    let rows: Vec<(Markup, Markup, &VolumeRow)> = several
-        .iter()
-        .enumerate()
-        .take(ROWS_HELD)
-        .map(|(c, row)| (html! { (c) }, html! { (roles.get(c).map_or("", |health| role(&health.role))) }, row))
-        .collect();
-    let missing = several.len() - rows.len();
+    let role = |c: usize| roles.get(c).map_or("", |health| role(&health.role));
+    let row = |(c, volumes)| Row { name: format!("{c}"), role: role(c), volumes };
+    let rows: Vec<Row> = several.iter().enumerate().take(ROWS_HELD).map(row).collect();
+    with_missing(rows_section("Components", "component", &rows), several.len() - rows.len())
+}
+
+/// A table with a note on what is missing in it.
+fn with_missing(table: Markup, missing: usize) -> Markup {
     html! {
-        (rows_section("Components", "component", &rows))
-        @if missing > 0 { p.note { "And " (count(missing)) " more components, which the JSON report lists." } }
+        (table)
+        @if missing > 0 { p.note { "And " (count(missing)) " more, which the JSON report lists." } }
     }
 }
 
@@ -350,12 +358,14 @@ fn role(role: &Role) -> &'static str {
     }
 }
 
-fn part_role(components: &[usize], roles: &[ComponentHealth]) -> Markup {
+fn part_role(components: &[usize], roles: &[ComponentHealth]) -> &'static str {
     let is_cavity = |c: &usize| roles.get(*c).is_some_and(|health| matches!(health.role, Role::Cavity { .. }));
-    let cavities = (0..roles.len()).filter(is_cavity).count();
-    html! {
-        @if !components.is_empty() && components.iter().all(is_cavity) { "capacity" }
-        @else if cavities > 0 && components.len() == roles.len() { "material" }
+    let has_cavities = (0..roles.len()).any(|c| is_cavity(&c));
+    match components {
+        [] => "",
+        all if all.iter().all(is_cavity) => "capacity",
+        all if has_cavities && all.len() == roles.len() => "material",
+        _ => "",
     }
 }
 
@@ -378,17 +388,25 @@ fn ranges(numbers: &[usize]) -> String {
     text
 }
 
-/// A table of volumes: name, role, and the row; nothing without rows.
-fn rows_section(title: &str, name: &str, rows: &[(Markup, Markup, &VolumeRow)]) -> Markup {
-    let has_target = rows.iter().any(|row| row.2.target.is_some());
-    let has_written = rows.iter().any(|row| row.2.written.is_some());
+/// What a table says of some components together.
+struct Row<'a> {
+    name: String,
+    role: &'static str,
+    volumes: &'a VolumeRow,
+}
+
+/// A table of volumes; nothing without rows.
+fn rows_section(title: &str, name: &str, rows: &[Row]) -> Markup {
+    let has_role = rows.iter().any(|row| !matches!(row.role, "" | "solid"));
+    let has_target = rows.iter().any(|row| row.volumes.target.is_some());
+    let has_written = rows.iter().any(|row| row.volumes.written.is_some());
     let optional = |value: Option<f64>, markup: fn(f64) -> Markup| value.map_or_else(|| html! { "–" }, markup);
-    let table = |rows: &[(Markup, Markup, &VolumeRow)]| {
+    let table = |rows: &[Row]| {
         html! {
             div.scroll tabindex="0" { table {
                 thead { tr {
                     th scope="col" { (name) }
-                    th scope="col" { "role" }
+                    @if has_role { th.text scope="col" { "role" } }
                     th scope="col" { "rest" }
                     th scope="col" { "deformed" }
                     @if has_target { th scope="col" { "wanted" } }
@@ -397,16 +415,16 @@ fn rows_section(title: &str, name: &str, rows: &[(Markup, Markup, &VolumeRow)]) 
                     th scope="col" { "change" }
                     @if has_target { th scope="col" { "relative error" } }
                 } }
-                tbody { @for (name, role, row) in rows { tr {
+                tbody { @for Row { name, role, volumes } in rows { tr {
                     th scope="row" { (name) }
-                    td.text { (role) }
-                    td { (number(row.rest)) }
-                    td { (number(row.posed)) }
-                    @if has_target { td { (optional(row.target, number)) } }
-                    td { (number(row.corrected)) }
-                    @if has_written { td { (optional(row.written, number)) } }
-                    td { (change(row.corrected, row.rest)) }
-                    @if has_target { td { (optional(row.relative_error, size)) } }
+                    @if has_role { td.text { (role) } }
+                    td { (number(volumes.rest)) }
+                    td { (number(volumes.posed)) }
+                    @if has_target { td { (optional(volumes.target, number)) } }
+                    td { (number(volumes.corrected)) }
+                    @if has_written { td { (optional(volumes.written, number)) } }
+                    td { (change(volumes.corrected, volumes.rest)) }
+                    @if has_target { td { (optional(volumes.relative_error, size)) } }
                 } } }
             } }
         }
@@ -420,7 +438,7 @@ fn rows_section(title: &str, name: &str, rows: &[(Markup, Markup, &VolumeRow)]) 
                     p.note { "The first " (ROWS_SHOWN) " of " (count(rows.len())) " are shown." }
                     details {
                         summary { "Show the other " (count(rows.len() - ROWS_SHOWN)) }
-                        (table(&rows[ROWS_SHOWN..rows.len().min(ROWS_HELD)]))
+                        (table(&rows[ROWS_SHOWN..]))
                     }
                 }
             }
@@ -431,7 +449,7 @@ fn rows_section(title: &str, name: &str, rows: &[(Markup, Markup, &VolumeRow)]) 
 fn correction(report: &Report) -> Markup {
     let correction = &report.correction;
     let length = |length: f64, relative: f64| {
-        html! { (number(length)) " (" span title=(format!("{:?}", 100.0 * relative)) { (significant(100.0 * relative)) "\u{202f}%" } " of the extent)" }
+        html! { (short_number(length)) " (" span title=(format!("{:?}", 100.0 * relative)) { (significant(100.0 * relative)) "\u{202f}%" } " of the extent)" }
     };
     html! {
         section {
@@ -492,39 +510,46 @@ fn health(model: &Health) -> Markup {
         _ => "poor",
     };
     let corner = |corner: &[f64; 3]| {
-        html! { "(" @for (axis, x) in corner.iter().enumerate() { @if axis > 0 { ", " } (number(*x)) } ")" }
+        html! { "(" @for (axis, x) in corner.iter().enumerate() { @if axis > 0 { ", " } (short_number(*x)) } ")" }
     };
     html! {
         section {
             h2 { "The model as it was read" }
             p { span class={ "badge " (class) } { (if model.verdict.is_preservable() { "volume defined" } else { "no volume" }) }
-                " The model: " (model.verdict.sentence()) "." }
+                " " (sentence(model.verdict)) }
             @if !model.warnings.is_empty() { ul { @for warning in model.warnings.iter().take(ROWS_SHOWN) { li { (warning) } } } }
             dl.three {
-                dt { "format" } dd { (model.format) }
-                dt { "vertices" } dd { (count(model.vertices)) }
-                dt { "faces" } dd { (count(model.faces)) }
-                dt { "triangles" } dd { (count(model.triangles)) }
-                dt { "components" } dd { (count(model.components)) }
-                dt { "closed" } dd { (yes(model.closed)) }
-                dt { "oriented" } dd { (yes(model.oriented)) }
-                dt { "balanced" } dd { (yes(model.balanced)) }
-                @if let Some(genus) = model.genus { dt { "handles" } dd { (genus) } }
-                dt { "boundary edges" } dd { (count(model.boundary_edges)) }
-                dt { "boundary loops" } dd { (count(model.boundary_loops)) }
-                dt { "non-manifold edges" } dd { (count(model.nonmanifold_edges)) }
-                dt { "faces without area" } dd { (count(model.zero_area_faces)) }
-                dt { "unused vertices" } dd { (count(model.unused_vertices)) }
-                dt { "coincident vertices" } dd { (count(model.coincident_vertices)) }
-                dt { "area" } dd { (number(model.area)) }
-                @if let Some(volume) = &model.volume { dt { "signed volume" } dd { (number(volume.total)) } }
+                div { dt { "format" } dd { (model.format) } }
+                div { dt { "vertices" } dd { (count(model.vertices)) } }
+                div { dt { "faces" } dd { (count(model.faces)) } }
+                div { dt { "triangles" } dd { (count(model.triangles)) } }
+                div { dt { "components" } dd { (count(model.components)) } }
+                div { dt { "closed" } dd { (yes(model.closed)) } }
+                div { dt { "oriented" } dd { (yes(model.oriented)) } }
+                div { dt { "balanced" } dd { (yes(model.balanced)) } }
+                @if let Some(genus) = model.genus { div { dt { "handles" } dd { (genus) } } }
+                div { dt { "boundary edges" } dd { (count(model.boundary_edges)) } }
+                div { dt { "boundary loops" } dd { (count(model.boundary_loops)) } }
+                div { dt { "non-manifold edges" } dd { (count(model.nonmanifold_edges)) } }
+                div { dt { "faces without area" } dd { (count(model.zero_area_faces)) } }
+                div { dt { "unused vertices" } dd { (count(model.unused_vertices)) } }
+                div { dt { "coincident vertices" } dd { (count(model.coincident_vertices)) } }
+                div { dt { "area" } dd { (short_number(model.area)) } }
+                @if let Some(volume) = &model.volume { div { dt { "signed volume" } dd { (short_number(volume.total)) } } }
                 @if let Some([low, high]) = &model.bounds {
-                    dt { "lowest corner" } dd { (corner(low)) }
-                    dt { "highest corner" } dd { (corner(high)) }
+                    div { dt { "lowest corner" } dd { (corner(low)) } }
+                    div { dt { "highest corner" } dd { (corner(high)) } }
                 }
             }
         }
     }
+}
+
+/// The verdict as a sentence of its own.
+fn sentence(verdict: Verdict) -> String {
+    let text = verdict.sentence();
+    let (first, rest) = text.split_at(1);
+    format!("{}{rest}.", first.to_uppercase())
 }
 
 #[cfg(test)]

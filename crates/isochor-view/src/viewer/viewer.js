@@ -37,13 +37,17 @@ const CREASE_DEGREES = 40;
 const MOST_CORNERS = 400;
 // Degrees, as in pictures. Larger: depth is exaggerated; smaller: hardly any depth.
 const FIELD_OF_VIEW = 24;
+// Of the distance at which the model touches the border.
+const MARGIN = 1.06;
 // As in pictures: from the front, a little from the right and from above; z is up.
 const VIEW_FROM = new Vector3().setFromSphericalCoords(1, ((90 - 22) * Math.PI) / 180, (30 * Math.PI) / 180);
 // One press of an arrow key.
 const TURN = Math.PI / 24;
 const ZOOM = 1.15;
-// More dots than a screen has room for.
+// Finer screens show no more, and take longer to fill.
 const MOST_PIXELS_PER_POINT = 2;
+// Width of a control point on the screen.
+const DOT = 4.5;
 
 const CLAY = '#b9c4d0';
 // From volume lost through unchanged to gained, in equal steps of the logarithm: every fourth colour of the scale of
@@ -75,17 +79,18 @@ function start(figure, data) {
   const camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
   camera.up.set(0, 0, 1);
   const toUpright = new Quaternion().setFromUnitVectors(camera.up, new Vector3(0, 1, 0));
+  const fromUpright = toUpright.clone().invert();
   const lamp = new DirectionalLight(0xffffff, 2.1);
   lamp.position.set(-0.6, 1, 1.4);
   camera.add(lamp);
-  scene.add(camera, new HemisphereLight(0xffffff, 0x6b6f78, 1.5));
+  scene.add(camera, new HemisphereLight(0xffffff, 0x8d9199, 2));
   const shown = new Group();
   scene.add(shown);
 
   const surface = new MeshStandardMaterial({ roughness: 0.62, metalness: 0, side: DoubleSide });
   const edges = new LineBasicMaterial({ transparent: true, opacity: 0.4 });
   const rods = new LineBasicMaterial({ transparent: true, opacity: 0.45 });
-  const knobs = new PointsMaterial({ size: 6, sizeAttenuation: false });
+  const knobs = new PointsMaterial({ sizeAttenuation: false });
   knobs.onBeforeCompile = (shader) => {
     const round = 'if (length(gl_PointCoord - 0.5) > 0.5) discard;\n#include <clipping_planes_fragment>';
     shader.fragmentShader = shader.fragmentShader.replace('#include <clipping_planes_fragment>', round);
@@ -120,11 +125,22 @@ function start(figure, data) {
   };
 
   const home = () => {
-    const half = (FIELD_OF_VIEW * Math.PI) / 360;
-    const narrow = Math.min(1, camera.aspect);
-    const distance = model.radius / Math.sin(Math.atan(Math.tan(half) * narrow));
+    // As near as all poses fit: (x, y, z) of the camera is in the picture where |x| ≤ s (d − z), |y| ≤ t (d − z).
+    const t = Math.tan((FIELD_OF_VIEW * Math.PI) / 360);
+    const s = t * camera.aspect;
+    const towards = VIEW_FROM.clone().applyQuaternion(fromUpright);
+    const right = camera.up.clone().cross(towards).normalize();
+    const up = towards.clone().cross(right);
+    let distance = model.radius / 10;
+    for (const points of model.positions) {
+      for (let i = 0; i < points.length; i += 3) {
+        const place = new Vector3(points[i], points[i + 1], points[i + 2]).sub(model.center);
+        const needed = Math.max(Math.abs(place.dot(right)) / s, Math.abs(place.dot(up)) / t);
+        distance = Math.max(distance, needed + place.dot(towards));
+      }
+    }
     controls.target.copy(model.center);
-    camera.position.copy(VIEW_FROM).applyQuaternion(toUpright.clone().invert()).setLength(distance * 1.02).add(model.center);
+    camera.position.copy(towards).setLength(distance * MARGIN).add(model.center);
     controls.update();
     ask();
   };
@@ -189,7 +205,7 @@ function start(figure, data) {
     const angles = new Spherical().setFromVector3(offset);
     angles.theta += right;
     angles.phi = Math.min(Math.max(angles.phi - down, 0.01), Math.PI - 0.01);
-    offset.setFromSpherical(angles).applyQuaternion(toUpright.clone().invert());
+    offset.setFromSpherical(angles).applyQuaternion(fromUpright);
     camera.position.copy(controls.target).add(offset);
     controls.update();
   };
@@ -257,7 +273,9 @@ function start(figure, data) {
     if (width === 0 || height === 0) {
       return;
     }
-    renderer.setPixelRatio(Math.min(devicePixelRatio, MOST_PIXELS_PER_POINT));
+    const pixelsPerPoint = Math.min(devicePixelRatio, MOST_PIXELS_PER_POINT);
+    renderer.setPixelRatio(pixelsPerPoint);
+    knobs.size = DOT * pixelsPerPoint;
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
@@ -287,13 +305,17 @@ function decoded(data) {
 
   const low = new Vector3(Infinity, Infinity, Infinity);
   const high = low.clone().negate();
-  const poses = data.poses.map((pose, p) => {
-    const points = positions[p];
+  const controls = data.poses.flatMap((pose) => (pose.lattice ? [new Float32Array(bytes(pose.lattice.controls))] : []));
+  const seen = [...positions, ...controls];
+  for (const points of seen) {
     for (let i = 0; i < points.length; i += 3) {
       const place = new Vector3(points[i], points[i + 1], points[i + 2]);
       low.min(place);
       high.max(place);
     }
+  }
+  const poses = data.poses.map((pose, p) => {
+    const points = positions[p];
     const change = pose.change === null ? null : new Float32Array(bytes(pose.change));
     const corners = once(() => new BufferAttribute(perCorner(triangles, points), 3));
     const flat = once(() => new BufferAttribute(faceNormals(triangles, points).corners, 3));
@@ -320,7 +342,7 @@ function decoded(data) {
     high.set(0.5, 0.5, 0.5);
   }
   const center = low.clone().add(high).multiplyScalar(0.5);
-  return { poses, center, radius: Math.max(high.distanceTo(low) / 2, 1e-3) };
+  return { poses, positions: seen, center, radius: Math.max(high.distanceTo(low) / 2, 1e-3) };
 }
 
 // Little-endian numbers, as the machine has them on which browsers run.
