@@ -1,11 +1,11 @@
-//! Report pages of real jobs: `cargo run -p isochor-view --example page -- FOLDER [MODEL JOB.toml]`.
+//! Report pages of real jobs: `cargo run -p isochor-view --example page -- FOLDER [MODEL JOB.toml [UP]]`.
 //!
-//! Without a model, some built-in shapes; with one, that model and a job file. An index page leads to them.
+//! Without a model, some built-in shapes; with one, that model and a job file; y is up if UP is `y`. An index page leads to them.
 
 use std::error::Error;
 use std::path::{Path, PathBuf};
 
-use isochor::{Job, JobInput, Mesh, Source, shapes};
+use isochor::{Axis, Job, JobInput, Mesh, Source, shapes};
 use isochor_io::{Document, Format};
 use isochor_view::{IndexEntry, Page, Show, index, page};
 
@@ -46,13 +46,14 @@ fn main() -> Result<(), Box<dyn Error>> {
     let mut entries = Vec::new();
     match (arguments.next(), arguments.next()) {
         (Some(model), Some(job)) => {
+            let up = if arguments.next().is_some_and(|up| up == Path::new("y")) { Axis::Y } else { Axis::Z };
             let document = Document::parse(std::fs::read(&model)?, Format::from_path(&model)?)?;
             let name = model.file_stem().map_or_else(|| "model".into(), |name| name.to_string_lossy().into_owned());
-            entries.push(written(&folder, &name, document.mesh(), &std::fs::read_to_string(job)?)?);
+            entries.push(written(&folder, &name, document.mesh(), &std::fs::read_to_string(job)?, up)?);
         }
         _ => {
             for story in &STORIES {
-                entries.push(written(&folder, story.name, &(story.mesh)(), story.job)?);
+                entries.push(written(&folder, story.name, &(story.mesh)(), story.job, Axis::Z)?);
             }
         }
     }
@@ -61,13 +62,14 @@ fn main() -> Result<(), Box<dyn Error>> {
 }
 
 /// Runs the job, writes its page, and gives what the index says of it.
-fn written(folder: &Path, name: &str, mesh: &Mesh, text: &str) -> Result<IndexEntry, Box<dyn Error>> {
+fn written(folder: &Path, name: &str, mesh: &Mesh, text: &str, up: Axis) -> Result<IndexEntry, Box<dyn Error>> {
     let job = Job::from_toml(text)?;
     let outcome = job.run(&JobInput { mesh, source: &Source::of(mesh), lattice: None }, &mut |_| {})?;
     let course = outcome.course();
     let show = Show::of_job(mesh, &outcome, course.as_ref());
     let report = &outcome.report;
-    let contents = Page { title: name.into(), job: Some(text.into()), report, pictures: Vec::new(), show: Some(&show) };
+    let contents =
+        Page { title: name.into(), job: Some(text.into()), report, pictures: Vec::new(), show: Some(&show), up };
     let html = page(&contents);
     let file = format!("{name}.html");
     std::fs::write(folder.join(&file), &html)?;

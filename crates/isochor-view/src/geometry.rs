@@ -1,7 +1,7 @@
 //! The geometry of a page's 3D view, as the viewer reads it.
 //!
 //! A JSON object: `triangles` (u32, three each), `edges` (u8 for each triangle: bit k is set where the side after corner k is an
-//! edge of a face; null where all are), `unit`, `center`, `scale`, and `poses` with `points` (f32, three per vertex), `change`
+//! edge of a face; null where all are), `up`, `unit`, `center`, `scale`, and `poses` with `points` (f32, three per vertex), `change`
 //! (f32 per vertex, or null) and `lattice` (`size` and `controls`, or null). Arrays are little-endian in base64.
 //!
 //! Positions p are stored as `(p − center) / unit` rounded to f32, `center` the middle of all poses and `unit` the power of
@@ -14,7 +14,7 @@
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use glam::DVec3;
-use isochor::{Bounds, Faces, Mesh, coarse_triangles, fan};
+use isochor::{Axis, Bounds, Faces, Mesh, coarse_triangles, fan};
 use serde_json::{Value, json};
 
 use crate::show::{Show, ShownLattice, ShownPose};
@@ -45,12 +45,12 @@ pub struct Geometry {
 }
 
 impl Geometry {
-    /// Of what is shown.
+    /// Of what is shown, `up` above.
     ///
     /// # Panics
     ///
     /// Panics where poses have different numbers of points, or other arrays do not fit them, or a face names a missing vertex.
-    pub fn of(show: &Show) -> Self {
+    pub fn of(show: &Show, up: Axis) -> Self {
         let vertices = show.poses.first().map_or(0, |pose| pose.points.len());
         for pose in &show.poses {
             assert_eq!(pose.points.len(), vertices, "points of the pose {:?} and of the first", pose.name);
@@ -108,6 +108,7 @@ impl Geometry {
         };
         let shown: Vec<Value> = show.poses.iter().enumerate().map(pose).collect();
         let json = json!({
+            "up": up.direction().to_array(),
             "unit": frame.unit,
             "center": frame.center.to_array(),
             "scale": scale,

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use isochor::{ComponentHealth, Health, PartRow, Report, Role, Verdict, VolumeReport, VolumeRow};
+use isochor::{Axis, ComponentHealth, Health, PartRow, Report, Role, Verdict, VolumeReport, VolumeRow};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use sha2::{Digest, Sha256};
 
@@ -40,6 +40,8 @@ pub struct Page<'a> {
     pub pictures: Vec<Figure>,
     /// What the 3D view shows.
     pub show: Option<&'a Show<'a>>,
+    /// Which way is up in the 3D view.
+    pub up: Axis,
 }
 
 /// A picture on a page.
@@ -59,8 +61,8 @@ pub struct Figure {
 /// of other numbers, a face that names a missing vertex. Faces with a corner that is not finite in some pose are left out, and the page says so.
 #[must_use]
 pub fn page(contents: &Page) -> String {
-    let Page { title, job, report, pictures, show } = contents;
-    let geometry = show.filter(|show| !show.poses.is_empty()).map(|show| (show, Geometry::of(show)));
+    let Page { title, job, report, pictures, show, up } = contents;
+    let geometry = show.filter(|show| !show.poses.is_empty()).map(|show| (show, Geometry::of(show, *up)));
     let script = geometry.as_ref().map(|_| VIEWER);
     document(
         title,

@@ -13,7 +13,8 @@ use std::time::{Duration, Instant};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use isochor_view::{Figure, Page, page};
+use isochor::Axis;
+use isochor_view::{Figure, Page, Show, ShownPose, page};
 use scraper::{Html, Selector};
 use serde_json::Value;
 use sha2::{Digest, Sha256};
@@ -55,13 +56,20 @@ const seen = () => {
   const { data } = context.getImageData(0, 0, copy.width, copy.height);
   const sums = [0, 0, 0, 0];
   let hash = 17;
+  let [left, right, top, bottom] = [Infinity, -Infinity, Infinity, -Infinity];
   for (let i = 0; i < data.length; i += 4) {
     for (let k = 0; k < 4; k++) {
       sums[k] += data[i + k];
       hash = (Math.imul(hash, 31) + data[i + k]) | 0;
     }
+    if (data[i + 3] > 0) {
+      const [x, y] = [(i / 4) % copy.width, Math.floor(i / 4 / copy.width)];
+      [left, right] = [Math.min(left, x), Math.max(right, x)];
+      [top, bottom] = [Math.min(top, y), Math.max(bottom, y)];
+    }
   }
-  return { drawn: sums[3] / 255 / (copy.width * copy.height), red: sums[0], blue: sums[2], hash };
+  const drawn = sums[3] / 255 / (copy.width * copy.height);
+  return { drawn, red: sums[0], blue: sums[2], width: right - left, height: bottom - top, hash };
 };
 const press = (selector) => document.querySelector(selector).click();
 const key = (key) => canvas.dispatchEvent(new KeyboardEvent('keydown', { key, bubbles: true, cancelable: true }));
@@ -179,6 +187,7 @@ fn twisted_page() -> String {
         report: &run.outcome.report,
         pictures: vec![Figure { caption: "one pixel".into(), png: STANDARD.decode(PIXEL).unwrap() }],
         show: Some(&show),
+        up: Axis::Z,
     };
     page(&contents)
 }
@@ -192,7 +201,7 @@ fn hash<'a>(seen: &'a Value, name: &str) -> &'a Value {
     hash
 }
 
-#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: install it or set ISOCHOR_CHROMIUM")]
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]
 fn the_model_is_seen_and_buttons_change_it() {
     let seen = told_well(
@@ -240,7 +249,7 @@ fn the_model_is_seen_and_buttons_change_it() {
     assert_eq!(says[2], "corrected: volume 1 (±0\u{202f}%)");
 }
 
-#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: install it or set ISOCHOR_CHROMIUM")]
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]
 fn the_model_is_turned_moved_and_zoomed_by_hand() {
     let seen = told_well(
@@ -289,7 +298,7 @@ fn the_model_is_turned_moved_and_zoomed_by_hand() {
     }
 }
 
-#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: install it or set ISOCHOR_CHROMIUM")]
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]
 fn keys_do_what_buttons_and_hands_do() {
     let seen = told_well(
@@ -354,8 +363,28 @@ fn keys_do_what_buttons_and_hands_do() {
     assert_eq!(seen["taken"], false);
 }
 
-/// Twisting and stretching in y and x: where volume was gained there is red, where it was lost blue.
-#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: install it or set ISOCHOR_CHROMIUM")]
+/// A tower is higher than wide whichever way is up, if that way is said.
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
+#[test]
+fn what_is_up_is_up() {
+    let report = Story::twisted_cube().run().outcome.report;
+    for (up, tall) in [(Axis::X, 0), (Axis::Y, 1), (Axis::Z, 2)] {
+        let mesh = Story::twisted_cube().mesh;
+        let mut points = mesh.points().to_vec();
+        points.iter_mut().for_each(|p| p[tall] *= 4.0);
+        let pose =
+            ShownPose { name: "tower".into(), points: points.into(), lattice: None, volume: None, volume_change: None };
+        let show = Show { faces: mesh.faces(), poses: vec![pose] };
+        let contents =
+            Page { title: "tower".into(), job: None, report: &report, pictures: Vec::new(), show: Some(&show), up };
+        let seen = told_well(&page(&contents), "({ now: seen() })");
+        let [width, height] = ["width", "height"].map(|side| seen["now"][side].as_f64().unwrap());
+        assert!(height > 2.0 * width, "{up:?}: {width} by {height}");
+    }
+}
+
+/// Stretched, a cube gains volume everywhere; squashed, it loses it.
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]
 fn gained_volume_is_red_and_lost_volume_blue() {
     for (scale, is_red) in [(1.8, true), (0.5, false)] {
@@ -368,6 +397,7 @@ fn gained_volume_is_red_and_lost_volume_blue() {
             report: &run.outcome.report,
             pictures: Vec::new(),
             show: Some(&show),
+            up: Axis::Z,
         };
         let seen = told_well(&page(&contents), "{ press(\"[data-toggle='lattice']\"); return { now: seen() }; }");
         let [red, blue] = ["red", "blue"].map(|name| seen["now"][name].as_f64().unwrap());
@@ -375,7 +405,7 @@ fn gained_volume_is_red_and_lost_volume_blue() {
     }
 }
 
-#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: install it or set ISOCHOR_CHROMIUM")]
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]
 fn pages_of_all_kinds_of_jobs_open_without_a_word() {
     for story in Story::all() {
@@ -387,13 +417,14 @@ fn pages_of_all_kinds_of_jobs_open_without_a_word() {
             report: &run.outcome.report,
             pictures: Vec::new(),
             show: Some(&show),
+            up: Axis::Z,
         };
         let seen = told_well(&page(&contents), "({ now: seen() })");
         assert!(seen["now"]["drawn"].as_f64() > Some(0.005), "{}: {seen}", story.job);
     }
 }
 
-#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: install it or set ISOCHOR_CHROMIUM")]
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]
 fn without_webgl_the_page_says_so_and_all_else_is_there() {
     let program = "{
@@ -409,7 +440,7 @@ fn without_webgl_the_page_says_so_and_all_else_is_there() {
 }
 
 /// The other way round: what the policy forbids is refused, so that none of the tests above passes for want of one.
-#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: install it or set ISOCHOR_CHROMIUM")]
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]
 fn the_policy_refuses_network_and_other_programs() {
     let program = "{
@@ -430,7 +461,7 @@ fn the_policy_refuses_network_and_other_programs() {
 }
 
 /// As wide as a phone, within a frame: a window of a browser without a screen is at least 500 pixels wide.
-#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: install it or set ISOCHOR_CHROMIUM")]
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]
 fn nothing_sticks_out_on_a_phone() {
     let folder = tempfile::tempdir().unwrap();
@@ -442,6 +473,7 @@ fn nothing_sticks_out_on_a_phone() {
         report: &run.outcome.report,
         pictures: vec![Figure { caption: "one pixel".into(), png: STANDARD.decode(PIXEL).unwrap() }],
         show: Some(&show),
+        up: Axis::Z,
     };
     let script = "const root = document.documentElement; addEventListener('load', () => parent.postMessage([innerWidth, root.scrollWidth - root.clientWidth], '*'));";
     let name = format!("script-src 'sha256-{}' ", STANDARD.encode(Sha256::digest(script)));

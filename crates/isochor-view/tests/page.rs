@@ -5,7 +5,7 @@ mod stories;
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use glam::DVec3;
-use isochor::{Faces, Mesh, Report, VolumeRow, fan, shapes};
+use isochor::{Axis, Faces, Mesh, Report, VolumeRow, fan, shapes};
 use isochor_view::{Figure, IndexEntry, Page, Show, ShownLattice, ShownPose, index, page};
 use scraper::{Html, Selector};
 use serde_json::Value;
@@ -28,7 +28,7 @@ fn text(html: &Html, selector: &str) -> String {
 }
 
 fn bare(report: &Report) -> Page<'_> {
-    Page { title: "model".into(), job: None, report, pictures: Vec::new(), show: None }
+    Page { title: "model".into(), job: None, report, pictures: Vec::new(), show: None, up: Axis::Z }
 }
 
 fn with_show<'a>(report: &'a Report, show: &'a Show<'a>) -> Page<'a> {
@@ -125,6 +125,7 @@ fn text_from_outside_stays_text() {
         report: &report,
         pictures: vec![Figure { caption: evil.into(), png: Vec::new() }],
         show: Some(&show),
+        up: Axis::Z,
     };
     let html = parsed(&page(&contents));
     assert_eq!(all(&html, "script").len(), 2); // the geometry and its program

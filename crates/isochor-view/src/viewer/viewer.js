@@ -9,12 +9,14 @@
 import {
   BufferAttribute,
   BufferGeometry,
+  Color,
   DirectionalLight,
   DoubleSide,
   Group,
   HemisphereLight,
   LineBasicMaterial,
   LineSegments,
+  Matrix4,
   Mesh,
   MeshStandardMaterial,
   PerspectiveCamera,
@@ -24,7 +26,6 @@ import {
   Scene,
   Spherical,
   SRGBColorSpace,
-  Color,
   Vector3,
   WebGLRenderer,
 } from 'three';
@@ -39,7 +40,7 @@ const MOST_CORNERS = 400;
 const FIELD_OF_VIEW = 24;
 // Of the distance at which the model touches the border.
 const MARGIN = 1.06;
-// As in pictures: from the front, a little from the right and from above; z is up.
+// As in pictures: from the front, a little from the right and from above; y is up here.
 const VIEW_FROM = new Vector3().setFromSphericalCoords(1, ((90 - 22) * Math.PI) / 180, (30 * Math.PI) / 180);
 // One press of an arrow key.
 const TURN = Math.PI / 24;
@@ -77,9 +78,12 @@ function start(figure, data) {
   const model = decoded(data);
   const scene = new Scene();
   const camera = new PerspectiveCamera(FIELD_OF_VIEW, 1, 0.01, 100);
-  camera.up.set(0, 0, 1);
-  const toUpright = new Quaternion().setFromUnitVectors(camera.up, new Vector3(0, 1, 0));
-  const fromUpright = toUpright.clone().invert();
+  // From a frame in which y is up and z is to the front.
+  camera.up.fromArray(data.up);
+  const right = data.up[0] === 1 ? new Vector3(0, 1, 0) : new Vector3(1, 0, 0);
+  const basis = new Matrix4().makeBasis(right, camera.up, right.clone().cross(camera.up));
+  const fromUpright = new Quaternion().setFromRotationMatrix(basis);
+  const toUpright = fromUpright.clone().invert();
   const lamp = new DirectionalLight(0xffffff, 2.1);
   lamp.position.set(-0.6, 1, 1.4);
   camera.add(lamp);
