@@ -85,8 +85,9 @@ function start(figure, data) {
   const fromUpright = new Quaternion().setFromRotationMatrix(basis);
   const toUpright = fromUpright.clone().invert();
   const lamp = new DirectionalLight(0xffffff, 2.1);
+  // It goes with the camera: from above its left shoulder.
   lamp.position.set(-0.6, 1, 1.4);
-  camera.add(lamp);
+  camera.add(lamp, lamp.target);
   scene.add(camera, new HemisphereLight(0xffffff, 0x8d9199, 2));
   const shown = new Group();
   scene.add(shown);
