@@ -64,7 +64,8 @@ impl Geometry {
         }
         let is_shown: Vec<bool> =
             (0..vertices).map(|v| show.poses.iter().all(|pose| pose.points[v].is_finite())).collect();
-        let faces: Faces = show.faces.iter().filter(|face| face.iter().all(|v| is_shown[*v as usize])).collect();
+        let is_whole = |face: &&[u32]| face.iter().all(|v| is_shown[*v as usize]);
+        let faces: Faces = show.faces.iter().filter(is_whole).filter(|face| face.len() >= 3).collect();
         let frame = Fitted::new(show, &faces);
         let poses: Vec<Vec<[f32; 3]>> = show.poses.iter().map(|pose| frame.near(&pose.points)).collect();
 
@@ -80,7 +81,7 @@ impl Geometry {
             let (renumbered, vertices) = compacted(&surface.triangles, &poses);
             let bytes = 12 * renumbered.len() + bytes_per_vertex * vertices.len();
             // Nine tenths of what would do if all triangles had as many bytes.
-            let fewer = most.min(renumbered.len()) / 10 * 9 * MOST_BYTES / bytes.max(1);
+            let fewer = (0.9 * most.min(renumbered.len()) as f64 * MOST_BYTES as f64 / bytes as f64) as usize;
             if bytes <= MOST_BYTES || fewer == 0 || renumbered.len() > 2 * most {
                 break (renumbered, vertices);
             }
@@ -93,10 +94,14 @@ impl Geometry {
         let scale = scale(changes.iter().flatten().flatten().copied());
         let mut has_lattice = false;
         let mut lattice = |shown: &ShownLattice| {
-            let is_finite = shown.controls.iter().all(|c| c.is_finite());
+            let controls = frame.near(&shown.controls);
+            let is_finite = controls.as_flattened().iter().all(|x| x.is_finite());
             has_lattice |= is_finite;
-            let controls = || floats(frame.near(&shown.controls).as_flattened());
-            if is_finite { json!({"size": shown.size, "controls": controls()}) } else { Value::Null }
+            if is_finite {
+                json!({"size": shown.size, "controls": floats(controls.as_flattened())})
+            } else {
+                Value::Null
+            }
         };
         let pose = |(pose, shown): (usize, &ShownPose)| {
             let points: Vec<f32> = vertices.iter().flat_map(|v| poses[pose][*v as usize]).collect();
@@ -120,7 +125,7 @@ impl Geometry {
             // Within a script element only `<` could end it.
             json: json.to_string().replace('<', "\\u003c"),
             triangles: [all, kept.len()],
-            left_out: show.faces.len() - faces.len(),
+            left_out: show.faces.len() - show.faces.iter().filter(is_whole).count(),
             scale,
             has_lattice,
         }

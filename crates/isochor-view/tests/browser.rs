@@ -383,6 +383,25 @@ fn what_is_up_is_up() {
     }
 }
 
+/// Corrections along weak directions send controls millions of extents away.
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
+#[test]
+fn a_model_is_not_lost_in_a_lattice_that_is_far_larger() {
+    let run = Story::twisted_cube().run();
+    let mut show = run.show();
+    show.poses[2].lattice.as_mut().unwrap().controls.to_mut()[7].x = 1e7;
+    let contents = Page {
+        title: "cube".into(),
+        job: None,
+        report: &run.outcome.report,
+        pictures: Vec::new(),
+        show: Some(&show),
+        up: Axis::Z,
+    };
+    let seen = told_well(&page(&contents), "({ now: seen() })");
+    assert!(seen["now"]["drawn"].as_f64() > Some(0.05), "{seen}");
+}
+
 /// Stretched, a cube gains volume everywhere; squashed, it loses it.
 #[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]

@@ -417,15 +417,27 @@ fn faces_with_coordinates_that_are_no_numbers_are_left_out_and_counted() {
 }
 
 #[test]
+fn faces_of_fewer_than_three_corners_are_not_shown() {
+    let run = Story::twisted_cube().run();
+    let points = vec![DVec3::ZERO, DVec3::X, DVec3::Y];
+    let faces: Faces = [&[0, 1][..], &[], &[0, 1, 2], &[2]].into_iter().collect();
+    let html = parsed(&page(&with_show(&run.outcome.report, &shown(&faces, vec![points]))));
+    assert_eq!(whole(&geometry(&html)["triangles"]), [0, 1, 2]);
+    assert!(!text(&html, ".hint").contains("not shown"));
+}
+
+#[test]
 fn a_lattice_with_coordinates_that_are_no_numbers_is_not_shown() {
     let run = Story::twisted_cube().run();
     let mut show = run.show();
-    for pose in &mut show.poses {
-        pose.lattice.as_mut().unwrap().controls.to_mut()[5].z = f64::NAN;
+    for bad in [f64::NAN, f64::INFINITY, 1e60] {
+        for pose in &mut show.poses {
+            pose.lattice.as_mut().unwrap().controls.to_mut()[5].z = bad; // 1e60 is too large for an f32
+        }
+        let html = parsed(&page(&with_show(&run.outcome.report, &show)));
+        assert!(geometry(&html)["poses"][0]["lattice"].is_null());
+        assert!(all(&html, "[data-toggle='lattice']").is_empty());
     }
-    let html = parsed(&page(&with_show(&run.outcome.report, &show)));
-    assert!(geometry(&html)["poses"][0]["lattice"].is_null());
-    assert!(all(&html, "[data-toggle='lattice']").is_empty());
 }
 
 #[test]

@@ -42,6 +42,9 @@ const FIELD_OF_VIEW = 24;
 const MARGIN = 1.06;
 // As in pictures: from the front, a little from the right and from above; y is up here.
 const VIEW_FROM = new Vector3().setFromSphericalCoords(1, ((90 - 22) * Math.PI) / 180, (30 * Math.PI) / 180);
+// Lattices that reach farther than this, in units of the model (which is between -1 and 1), do not count for the first view:
+// the model would be a dot among them.
+const FAR_CONTROL = 3;
 // One press of an arrow key.
 const TURN = Math.PI / 24;
 const ZOOM = 1.15;
@@ -88,7 +91,9 @@ function start(figure, data) {
   // It goes with the camera: from above its left shoulder.
   lamp.position.set(-0.6, 1, 1.4);
   camera.add(lamp, lamp.target);
-  scene.add(camera, new HemisphereLight(0xffffff, 0x8d9199, 2));
+  const sky = new HemisphereLight(0xffffff, 0x8d9199, 2.2);
+  sky.position.copy(camera.up);
+  scene.add(camera, sky);
   const shown = new Group();
   scene.add(shown);
 
@@ -311,7 +316,8 @@ function decoded(data) {
   const low = new Vector3(Infinity, Infinity, Infinity);
   const high = low.clone().negate();
   const controls = data.poses.flatMap((pose) => (pose.lattice ? [new Float32Array(bytes(pose.lattice.controls))] : []));
-  const seen = [...positions, ...controls];
+  const isNear = (points) => points.every((x) => Math.abs(x) < FAR_CONTROL);
+  const seen = [...positions, ...controls.filter(isNear)];
   for (const points of seen) {
     for (let i = 0; i < points.length; i += 3) {
       const place = new Vector3(points[i], points[i + 1], points[i + 2]);
