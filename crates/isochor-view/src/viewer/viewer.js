@@ -87,11 +87,11 @@ function start(figure, data) {
   const basis = new Matrix4().makeBasis(right, camera.up, right.clone().cross(camera.up));
   const fromUpright = new Quaternion().setFromRotationMatrix(basis);
   const toUpright = fromUpright.clone().invert();
-  const lamp = new DirectionalLight(0xffffff, 2.1);
+  const lamp = new DirectionalLight(0xffffff, 1.7);
   // It goes with the camera: from above its left shoulder.
   lamp.position.set(-0.6, 1, 1.4);
   camera.add(lamp, lamp.target);
-  const sky = new HemisphereLight(0xffffff, 0x8d9199, 2.2);
+  const sky = new HemisphereLight(0xffffff, 0x8d9199, 2);
   sky.position.copy(camera.up);
   scene.add(camera, sky);
   const shown = new Group();
