@@ -1,9 +1,16 @@
-//! One word for what is done to the whole workspace: `cargo xtask test`, `cargo xtask lint`.
+//! One word for what is done to the whole workspace: `cargo xtask test`, `cargo xtask lint`, `cargo xtask viewer`.
 
 use std::process::{Command, ExitCode};
 
 const USAGE: &str = "cargo xtask test   fetches what is missing and runs all tests
-cargo xtask lint   rustfmt, clippy and documentation, all warnings are errors";
+cargo xtask lint   rustfmt, clippy and documentation, all warnings are errors
+cargo xtask viewer bundles the 3D view of report pages anew; needs Node.js";
+
+/// Where the 3D view of report pages is.
+const VIEWER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/isochor-view/src/viewer");
+
+/// The versions of package-lock.json, no scripts of theirs; then build.mjs.
+const BUNDLE: &[&str] = &["ci --ignore-scripts --no-audit --no-fund", "run --silent build"];
 
 /// The core without threads first, then everything.
 const TEST: &[&str] = &[
@@ -21,6 +28,7 @@ const LINT: &[&str] = &[
 fn main() -> ExitCode {
     let succeeded = match std::env::args().nth(1).as_deref() {
         Some("test") => TEST.iter().all(|step| cargo(step)),
+        Some("viewer") => BUNDLE.iter().all(|step| npm(step)),
         Some("lint") => add_components() && LINT.iter().all(|step| cargo(step)),
         _ => {
             eprintln!("{USAGE}");
@@ -32,13 +40,24 @@ fn main() -> ExitCode {
 
 /// Runs cargo with `arguments`, and says so.
 fn cargo(arguments: &str) -> bool {
-    eprintln!("$ cargo {arguments}");
     let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
-    command.args(arguments.split(' ')).env("RUSTDOCFLAGS", "-D warnings");
-    match command.status() {
+    command.env("RUSTDOCFLAGS", "-D warnings");
+    succeeds("cargo", command, arguments)
+}
+
+/// Runs npm with `arguments` for the 3D view, and says so.
+fn npm(arguments: &str) -> bool {
+    let mut command = Command::new(if cfg!(windows) { "npm.cmd" } else { "npm" });
+    command.current_dir(VIEWER);
+    succeeds("npm", command, arguments)
+}
+
+fn succeeds(name: &str, mut command: Command, arguments: &str) -> bool {
+    eprintln!("$ {name} {arguments}");
+    match command.args(arguments.split(' ')).status() {
         Ok(status) => status.success(),
         Err(error) => {
-            eprintln!("cargo cannot be run: {error}");
+            eprintln!("{name} cannot be run: {error}");
             false
         }
     }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use isochor::{Mesh, Report, VolumeTarget, shapes};
 use isochor_io::{Document, Format, NumberType};
+use isochor_view::IndexEntry;
 
 use crate::args::DeformArgs;
 use crate::failure::Failure;
@@ -76,8 +77,8 @@ const STORIES: [Story; 7] = [
 
 /// What is in the folder afterwards, for whoever opens it.
 const README: &str =
-    "Each story NAME has its model NAME.*, its job NAME.toml, the plain deformation NAME-deformed.*, the one with exact
-volume NAME-corrected.* and its report NAME-report.json. demo.json holds all reports.
+    "Open index.html. Each story NAME has its model NAME.*, its job NAME.toml, the plain deformation NAME-deformed.*, the one with exact
+volume NAME-corrected.*, a picture NAME.png and a report page NAME.html. demo.json holds all reports.
 Change a job and run it again: isochor deform --job NAME.toml
 
 ";
@@ -91,6 +92,7 @@ pub fn run(folder: &Path, terminal: &Terminal) -> Result<(), Failure> {
     let silent = Terminal::silent();
     let mut reports = serde_json::Map::new();
     let mut readme = String::from(README);
+    let mut entries = Vec::with_capacity(STORIES.len());
     for story in &STORIES {
         let report = story.run(folder, &silent)?;
         terminal.say(&format!("{}: {}", story.name, story.about));
@@ -98,14 +100,17 @@ pub fn run(folder: &Path, terminal: &Terminal) -> Result<(), Failure> {
             terminal.say(&format!("  {line}"));
         }
         readme += &format!("{}: {}.\n", story.name, story.about);
+        entries.push(story.entry(&report));
         reports.insert(story.name.into(), serde_json::to_value(&report).expect("reports hold plain data"));
     }
     let mut pending = Pending::default();
     pending.add(&folder.join("demo.json"), json(&reports).as_bytes())?;
     pending.add(&folder.join("README.txt"), readme.as_bytes())?;
+    let page = folder.join("index.html");
+    pending.add(&page, isochor_view::index("Exact volume: what isochor does", &entries).as_bytes())?;
     pending.commit()?;
     terminal.data(&reports);
-    terminal.say(&format!("wrote models, jobs and reports to {}", folder.display()));
+    terminal.say(&format!("open {}", page.display()));
     Ok(())
 }
 
@@ -119,8 +124,8 @@ impl Story {
         let document =
             Document::from_mesh(&(self.mesh)(), format, number).map_err(|error| Failure::write(&model, &error))?;
         let job = format!(
-            "# {}\nmodel = \"{name}.{extension}\"\noutput = \"{name}-corrected.{extension}\"\nreport = \
-             \"{name}-report.json\"\n\n{}",
+            "# {}\nmodel = \"{name}.{extension}\"\noutput = \"{name}-corrected.{extension}\"\npicture = \
+             \"{name}.png\"\nreport = \"{name}.html\"\n\n{}",
             self.about, self.job
         );
         let path = folder.join(format!("{name}.toml"));
@@ -132,9 +137,28 @@ impl Story {
         let corrected = Requests::from_args(&DeformArgs { job: Some(path), ..DeformArgs::default() })?.frame(0)?;
         let mut plain = corrected.job.clone();
         plain.output = Some(folder.join(format!("{name}-deformed.{extension}")));
-        plain.report = None;
+        (plain.report, plain.picture) = (None, None);
         plain.preserve.volume = VolumeTarget::Free;
-        deform(&Request::from_job(plain, None, false)?, terminal)?;
-        deform(&corrected, terminal)
+        deform(&Request::from_job(plain, None, false)?, &job, terminal)?;
+        deform(&corrected, &job, terminal)
+    }
+
+    /// What the index page says of it.
+    fn entry(&self, report: &Report) -> IndexEntry {
+        let Self { name, extension, .. } = self;
+        let file = |what: &str, path: String| (what.to_owned(), path);
+        IndexEntry {
+            title: (*name).into(),
+            sentence: format!("{}.", self.about),
+            picture: Some(format!("{name}.png")),
+            lines: volume_lines(report),
+            files: vec![
+                file("report", format!("{name}.html")),
+                file("job", format!("{name}.toml")),
+                file("at rest", format!("{name}.{extension}")),
+                file("deformed", format!("{name}-deformed.{extension}")),
+                file("corrected", format!("{name}-corrected.{extension}")),
+            ],
+        }
     }
 }

@@ -74,7 +74,11 @@ impl FilmPictures {
                 self.frames,
                 mesh.points().len()
             );
-            return Err(Failure::file(path, what, "write [view] film = false and name no picture, or take fewer frames"));
+            return Err(Failure::file(
+                path,
+                what,
+                "write [view] film = false and name no picture, or take fewer frames",
+            ));
         }
         self.faces.get_or_insert_with(|| mesh.faces().clone());
         let change = match request.job.view.color {

@@ -3,8 +3,8 @@
 use std::process::ExitCode;
 
 use isochor::{JobInput, Outcome, PosedLattice, Precision, Report, Stage, Stopwatch};
-use isochor_view::{Figure, Page, Show};
 use isochor_io::{Document, Format, NumberType, WriteOptions, Written, lattice_from_json, lattice_to_json};
+use isochor_view::{Figure, Page, Show};
 
 use crate::args::{Cli, Command};
 use crate::failure::Failure;
@@ -80,7 +80,8 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     report.timings_ms.0.splice(0..0, watch.timings().0);
     report.timings_ms.0.extend(writing.timings().0);
     if let Some(path) = page {
-        let caption = show.iter().flat_map(|show| &show.poses).map(|pose| &pose.name[..]).collect::<Vec<_>>().join(", ");
+        let caption =
+            show.iter().flat_map(|show| &show.poses).map(|pose| &pose.name[..]).collect::<Vec<_>>().join(", ");
         let page = Page {
             title: request.model.name(),
             job: Some(asked.into()),

@@ -149,6 +149,7 @@ pub use report::{
 pub use select::{ControlSpace, SelectError, Selector};
 pub use sensitivity::{Cause, Effect, Sensitivity};
 pub use shells::{Role, Shell, roles};
+pub use simplify::coarse_triangles;
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 

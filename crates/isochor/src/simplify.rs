@@ -17,13 +17,47 @@
 
 use glam::DVec3;
 use meshoptimizer_rs::{
-    Attributes, Limits, Positions, SimplifyOptions, SimplifySettings, VertexFlags, Workspace, simplify_with_attributes,
+    Attributes, Limits, Positions, SimplifyOptions, SimplifySettings, VertexFlags, Workspace, simplify_sloppy,
+    simplify_with_attributes,
 };
 
-use crate::mesh::Bounds;
+use crate::mesh::{Bounds, Mesh, fan};
 use crate::parallel;
 use crate::tolerances;
-use crate::volume::Solid;
+use crate::topology::topology;
+use crate::volume::{OpenBoundaries, Solid};
+
+/// About `triangles` triangles between some of the vertices of `mesh`, for pictures of it and of any pose of it: those of
+/// [`Solid::coarse`] where the mesh bounds a body. Where it bounds none, or a body of so many components that each has few
+/// triangles already, edges are collapsed without regard to volume, and where that finds too little (triangles that do not
+/// hang together), vertices that are near one another become one.
+///
+/// A mesh that has no more than `triangles` keeps all its triangles. In others coincident vertices count as one: the first of them is named.
+#[must_use]
+pub fn coarse_triangles(mesh: &Mesh, triangles: usize) -> Vec<[u32; 3]> {
+    /// Twice as many are taken before shapes are given up for numbers.
+    const SLACK: usize = 2;
+    let is_few = |found: &[[u32; 3]]| found.len() <= SLACK * triangles;
+    let all: Vec<[u32; 3]> = mesh.faces().iter().flat_map(fan).collect();
+    if all.len() <= triangles {
+        return all;
+    }
+    let topology = topology(mesh);
+    if let Ok(solid) = Solid::new(mesh, &topology, OpenBoundaries::Cap) {
+        let coarse = solid.coarse(mesh.points(), triangles);
+        let surface: Vec<[u32; 3]> = (0..coarse.component_count()).flat_map(|c| coarse.surface_and_caps(c).0).collect();
+        if is_few(&surface) {
+            return surface;
+        }
+    }
+    let welded = all.iter().map(|t| t.map(|v| topology.welded[v as usize]));
+    let surface: Vec<[u32; 3]> = welded.filter(|[a, b, c]| a != b && b != c && c != a).collect();
+    let Some(bounds) = mesh.bounds() else { return surface };
+    let near = |p: &DVec3| ((*p - bounds.center()) / bounds.extent()).as_vec3().to_array();
+    let points: Vec<[f32; 3]> = mesh.points().iter().map(near).collect();
+    let collapsed = collapsed(&surface, &points, None, triangles).filter(|found| is_few(found));
+    collapsed.or_else(|| clustered(&surface, &points, triangles)).unwrap_or(surface)
+}
 
 impl Solid {
     /// Number of triangles, those of virtual caps not counted.
@@ -107,9 +141,11 @@ impl Piece {
         let near: Vec<DVec3> = self.points.iter().map(|p| (*p - center) / extent).collect();
         let volume = self.volume(&self.surface, &near);
         let single: Vec<[f32; 3]> = near.iter().map(|p| p.as_vec3().to_array()).collect();
+        let mut held = vec![VertexFlags::EMPTY; single.len()];
+        self.caps.as_flattened().iter().for_each(|v| held[*v as usize] = VertexFlags::LOCK);
         let mut share = share.max(FEWEST);
         while share < self.surface.len() {
-            let surface = self.collapsed(&single, share)?;
+            let surface = collapsed(&self.surface, &single, Some(&held), share)?;
             let error = (self.volume(&surface, &near) - volume).abs();
             if error <= tolerances::COARSE_VOLUME * volume.abs() && self.is_balanced(&surface) {
                 return Some(surface.iter().map(|t| t.map(|v| self.vertices[v as usize])).collect());
@@ -117,23 +153,6 @@ impl Piece {
             share *= 2;
         }
         None
-    }
-
-    /// About `share` triangles instead of the surface's, its boundary held.
-    fn collapsed(&self, points: &[[f32; 3]], share: usize) -> Option<Vec<[u32; 3]>> {
-        let no_attributes = Attributes::from_interleaved(&[], points.len(), 0, 0, 0).ok()?;
-        let mut flags = vec![VertexFlags::EMPTY; points.len()];
-        self.caps.as_flattened().iter().for_each(|v| flags[*v as usize] = VertexFlags::LOCK);
-        let settings = SimplifySettings {
-            target_index_count: 3 * share,
-            target_error: 1.0, // extents: the number of triangles alone decides
-            options: SimplifyOptions::LOCK_BORDER,
-        };
-        let mut workspace = Workspace::new(Limits { max_bytes: usize::MAX, max_work: u64::MAX });
-        let (indices, positions) = (self.surface.as_flattened(), Positions::from_packed(points));
-        let simplified =
-            simplify_with_attributes(indices, positions, no_attributes, &[], Some(&flags), settings, &mut workspace);
-        Some(simplified.ok()?.indices.as_chunks().0.to_vec())
     }
 
     /// Volume of `surface` with the caps, in f64 without further care.
@@ -156,4 +175,34 @@ impl Piece {
         edges.sort_unstable();
         edges.chunk_by(|a, b| a.0 == b.0).all(|group| group.iter().map(|side| side.1).sum::<i32>() == 0)
     }
+}
+
+/// Largest error that is accepted, in extents: the number of triangles alone decides.
+const ANY_ERROR: f32 = 1.0;
+
+/// About `share` triangles instead of `surface` by collapsing edges. With `held` vertices boundaries are held too.
+fn collapsed(
+    surface: &[[u32; 3]],
+    points: &[[f32; 3]],
+    held: Option<&[VertexFlags]>,
+    share: usize,
+) -> Option<Vec<[u32; 3]>> {
+    let no_attributes = Attributes::from_interleaved(&[], points.len(), 0, 0, 0).ok()?;
+    let options = if held.is_some() { SimplifyOptions::LOCK_BORDER } else { SimplifyOptions::EMPTY };
+    let settings = SimplifySettings { target_index_count: 3 * share, target_error: ANY_ERROR, options };
+    let (indices, positions) = (surface.as_flattened(), Positions::from_packed(points));
+    let simplified = simplify_with_attributes(indices, positions, no_attributes, &[], held, settings, &mut workspace());
+    Some(simplified.ok()?.indices.as_chunks().0.to_vec())
+}
+
+/// At most `most` triangles instead of `surface` by putting vertices together.
+fn clustered(surface: &[[u32; 3]], points: &[[f32; 3]], most: usize) -> Option<Vec<[u32; 3]>> {
+    let (indices, positions) = (surface.as_flattened(), Positions::from_packed(points));
+    let simplified = simplify_sloppy(indices, positions, None, 3 * most, ANY_ERROR, &mut workspace());
+    Some(simplified.ok()?.indices.as_chunks().0.to_vec())
+}
+
+/// Without limits of its own.
+fn workspace() -> Workspace {
+    Workspace::new(Limits { max_bytes: usize::MAX, max_work: u64::MAX })
 }

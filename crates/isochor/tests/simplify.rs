@@ -4,7 +4,9 @@ mod random;
 
 use glam::DVec3;
 use isochor::shapes::{bottle, cube, cylinder, hollow_sphere, icosphere, plate, uv_torus};
-use isochor::{Basis, Bounds, Faces, Frame, Lattice, Mesh, OpenBoundaries, Outside, Solid, tolerances, topology};
+use isochor::{
+    Basis, Bounds, Faces, Frame, Lattice, Mesh, OpenBoundaries, Outside, Solid, coarse_triangles, tolerances, topology,
+};
 use proptest::prelude::*;
 use random::Random;
 
@@ -271,4 +273,61 @@ proptest! {
         assert_near(&coarse, &fine, &posed);
         assert_closed(&coarse, &posed);
     }
+}
+
+#[test]
+fn pictures_of_a_body_show_its_coarse_body() {
+    for mesh in shapes() {
+        let all: usize = mesh.faces().iter().map(|face| face.len() - 2).sum();
+        let found = coarse_triangles(&mesh, all / 3);
+        let faces: Faces = found.iter().collect();
+        let drawn = solid(&Mesh::new(mesh.points().to_vec(), faces).unwrap());
+        assert_eq!(drawn.triangle_count(), solid(&mesh).coarse(mesh.points(), all / 3).triangle_count());
+        let (before, after) = (solid(&mesh).volume(mesh.points()), drawn.volume(mesh.points()));
+        assert!((after - before).abs() <= tolerances::COARSE_VOLUME * before.abs(), "{before} became {after}");
+    }
+}
+
+#[test]
+fn pictures_of_a_small_mesh_show_all_its_triangles() {
+    let mesh = cube(2);
+    let fanned: Vec<[u32; 3]> = mesh.faces().iter().flat_map(isochor::fan).collect();
+    assert_eq!(coarse_triangles(&mesh, 48), fanned);
+    assert!(coarse_triangles(&Mesh::default(), 10).is_empty());
+}
+
+/// Two fans wound against each other bound nothing.
+#[test]
+fn pictures_of_what_bounds_nothing_have_few_triangles_too() {
+    let ball = icosphere(4);
+    let turned = ball.faces().iter().enumerate().map(|(f, face)| match f % 2 {
+        0 => face.to_vec(),
+        _ => face.iter().rev().copied().collect(),
+    });
+    let mut faces = Faces::new();
+    turned.for_each(|face| faces.push(&face));
+    let mesh = Mesh::new(ball.points().to_vec(), faces).unwrap();
+    assert!(Solid::new(&mesh, &topology(&mesh), OpenBoundaries::Cap).is_err());
+    let found = coarse_triangles(&mesh, 500);
+    assert!((100..=1000).contains(&found.len()), "{}", found.len());
+}
+
+/// 5000 triangles that do not hang together cannot lose an edge each and stay.
+#[test]
+fn pictures_of_loose_triangles_have_few_of_them() {
+    let (mut random, mut points, mut faces) = (Random(3), Vec::new(), Faces::new());
+    for t in 0..5000 {
+        let place = random.vector();
+        points.extend([0; 3].map(|_| place + 0.05 * random.vector()));
+        faces.push(&[3 * t, 3 * t + 1, 3 * t + 2]);
+    }
+    let found = coarse_triangles(&Mesh::new(points, faces).unwrap(), 500);
+    assert!((1..=1000).contains(&found.len()), "{}", found.len());
+}
+
+#[test]
+fn pictures_of_one_place_show_nothing() {
+    let faces: Faces = [[0, 1, 2], [1, 2, 3]].iter().collect();
+    let mesh = Mesh::new(vec![DVec3::ONE; 4], faces).unwrap();
+    assert!(coarse_triangles(&mesh, 1).is_empty());
 }
