@@ -62,7 +62,10 @@ impl<'a> Requests<'a> {
     pub fn text(&self) -> Result<String, Failure> {
         match &self.args.job {
             Some(path) => files::text(path),
-            None => Ok(std::env::args().collect::<Vec<_>>().join(" ")),
+            None => {
+                let words: Vec<_> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
+                Ok(words.join(" "))
+            }
         }
     }
 

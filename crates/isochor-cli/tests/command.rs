@@ -177,12 +177,14 @@ fn demo_writes_what_its_readme_says() {
     let folder = Folder(folder);
     let ran = folder.isochor("demo --json stories").succeeded();
     let readme = std::fs::read_to_string(folder.path("stories/README.txt")).unwrap();
-    let mut expected = vec!["README.txt".to_owned(), "demo.json".into()];
+    let index = String::from_utf8(folder.bytes("stories/index.html")).unwrap();
+    let mut expected = vec!["README.txt".to_owned(), "demo.json".into(), "index.html".into()];
     for (name, extension) in STORIES {
         assert!(readme.contains(&format!("\n{name}: ")), "{readme}");
         expected.extend(["", "-deformed", "-corrected"].map(|suffix| format!("{name}{suffix}.{extension}")));
-        expected.extend([format!("{name}.toml"), format!("{name}-report.json")]);
-        let report = folder.json(&format!("stories/{name}-report.json"));
+        expected.extend(["toml", "png", "html"].map(|extension| format!("{name}.{extension}")));
+        let report = folder.json("stories/demo.json")[name].clone();
+        assert!(index.contains(&format!("{name}.png")) && index.contains(&format!("{name}.html")), "{name}");
         assert!(relative_error(&report) <= 1e-13, "{name}: {report}");
         assert!(ran.stderr.contains(&format!("{name}: ")), "{}", ran.stderr);
 
@@ -1162,6 +1164,32 @@ fn precision_f64_writes_what_floats_cannot_hold() {
     assert!((volume(double.mesh()) / number(&report, "written") - 1.0).abs() <= 1e-15);
 }
 
+// Pictures and pages
+
+#[test]
+fn pictures_and_pages_show_what_was_done() {
+    let folder = Folder::new();
+    let flags =
+        "--twist z=90 --picture out.png --report out.html --color displacement --up y --view 30,10 --no-lattice";
+    let report = folder.report(&format!("cube.obj -o out.obj {flags}"));
+    assert!(relative_error(&report) <= 1e-13, "{report}");
+    let png = folder.bytes("out.png");
+    assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
+    let side = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
+    assert!(side(16) > 3 * 500 && side(20) > 400, "three poses side by side: {} × {}", side(16), side(20));
+    let page = String::from_utf8(folder.bytes("out.html")).unwrap();
+    assert!(page.starts_with("<!DOCTYPE html>"), "{}", &page[..80]);
+    assert!(page.contains("--twist z=90") && page.contains("data:image/png;base64,"));
+
+    // Without deformation there is one pose; without correction there are two.
+    for (line, poses) in [("ball.ply -o same.ply", 1), ("ball.ply -o free.ply --twist z=90 --volume free", 2)] {
+        folder.report(&format!("{line} --picture poses.png --color volume"));
+        let png = folder.bytes("poses.png");
+        let wide = u32::from_be_bytes(png[16..20].try_into().unwrap());
+        assert!((500 * poses..=600 * poses).contains(&wide), "{line}: {wide}");
+    }
+}
+
 // Failures
 
 /// Runs a line that must fail, as text and as JSON, and checks that nothing was written.
@@ -1294,7 +1322,12 @@ fn bad_input_ends_with_2_and_writes_nothing() {
         ("deform cube.obj -o folder.obj --twist z=90", "file", "is a folder"),
         ("deform cube.obj -o nowhere/out.obj --twist z=90", "file", "nowhere"),
         ("deform cube.obj -o out.obj --twist z=90 --report nowhere/report.json", "file", "nowhere"),
-        ("deform cube.obj -o out.obj --twist z=90 --report report.html", "file", ".json"),
+        ("deform cube.obj -o out.obj --twist z=90 --report report.txt", "file", ".html"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture out.gif", "file", ".png"),
+        ("deform cube.obj -o out.obj --twist z=90 --animation out.png", "file", "frames = 36"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view 30", "usage", "-60,22"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view 0,100", "usage", "-90 to 90"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view nan,0", "usage", "-60,22"),
         ("deform cube.obj -o out.obj --twist z=90 --save-controls controls.txt", "file", ".json"),
         ("deform cube.obj -o out.obj --twist z=90 --report a.json --save-controls a.json", "file", "overwrite"),
         ("deform cube.obj -o out.obj --lattice-file controls.json --report controls.json", "file", "overwrite"),
