@@ -62,6 +62,9 @@ impl FilmPictures {
             named.clone().or_else(|| output.as_deref().map(|output| beside(output, ending)))
         };
         let (strip, animation) = (beside(&first.picture, "strip"), beside(&first.animation, "film"));
+        if let (Some(path), true) = (&strip, strip == animation) {
+            return Err(Failure::file(path, "the picture would overwrite the animation", "choose another name"));
+        }
         Ok(Self { strip, animation, frames: requests.frames(), faces: None, poses: Vec::new() })
     }
 

@@ -63,7 +63,7 @@ impl Folder {
 fn a_film_is_a_model_for_every_frame_and_one_report() {
     let folder = Folder::with(TWIST);
     let report = folder.film("--job film.toml --save-controls controls.json");
-    let mut expected = vec!["film.toml".to_owned(), "report.json".into()];
+    let mut expected = ["film.toml", "report.json", "out-strip.png", "out-film.png"].map(str::to_owned).to_vec();
     expected.extend((1..=5).flat_map(|f| [format!("out-000{f}.ply"), format!("controls-000{f}.json")]));
     expected.sort();
     assert_eq!(folder.names(), expected);
@@ -126,7 +126,7 @@ fn flags_hold_for_all_frames() {
     assert!((row(0, "posed").as_f64().unwrap() - 0.5).abs() < 1e-14);
     let names = folder.names();
     assert!(names.contains(&"other-0005.obj".into()) && names.contains(&"other.json".into()), "{names:?}");
-    assert!(!names.contains(&"report.json".into()) && names.len() == 7, "{names:?}");
+    assert!(!names.contains(&"report.json".into()) && names.len() == 9, "{names:?}");
 }
 
 #[test]
@@ -188,7 +188,7 @@ fn bad_films_end_with_2() {
 #[test]
 fn more_frames_than_a_process_may_have_open_files() {
     let many = TWIST.replace("n=6", "n=1").replace("frames = 5", "frames = 1100").replace("out.ply", "many.stl");
-    let folder = Folder::with(&many.replace("[[edit]]", "lattice.size = 2\n[[edit]]"));
+    let folder = Folder::with(&many.replace("[[edit]]", "lattice.size = 2\nview.film = false\n[[edit]]"));
     let report = folder.film("--job film.toml");
     assert_eq!(report["frames"].as_array().unwrap().len(), 1100);
     assert_eq!(folder.names().len(), 1102);
@@ -201,8 +201,47 @@ fn example_films_run() {
     for (name, frames) in [("bounce", 24), ("twist", 36)] {
         let folder = Folder::with(&std::fs::read_to_string(films.join(name).with_extension("toml")).unwrap());
         let report = folder.film("--job film.toml");
-        assert_eq!((report["frames"].as_array().unwrap().len(), folder.names().len()), (frames, frames + 2));
+        assert_eq!((report["frames"].as_array().unwrap().len(), folder.names().len()), (frames, frames + 4));
         let last = &report["frames"][frames - 1];
         assert!(last["time"].as_f64().unwrap() < 1.0 && last["volume"]["relative_error"].as_f64().unwrap() <= 1e-13);
+    }
+}
+
+/// The number of frames of an animated PNG, and the milliseconds of the first.
+fn animation(bytes: &[u8]) -> (u32, u32) {
+    let after = |name: &[u8]| bytes.windows(4).position(|window| window == name).unwrap() + 4;
+    let number = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
+    let half = |at: usize| u32::from(u16::from_be_bytes(bytes[at..at + 2].try_into().unwrap()));
+    // Of `fcTL`: number, width, height, x and y of 4 bytes each, then the delay as a fraction of a second.
+    let delay = after(b"fcTL") + 20;
+    (number(after(b"acTL")), 1000 * half(delay) / half(delay + 2))
+}
+
+#[test]
+fn films_are_drawn_where_they_say_or_not_at_all() {
+    let named = TWIST
+        .replace("frames = 5", "frames = 5\npicture = \"some.png\"\nanimation = \"all.png\"\nview.milliseconds = 120");
+    let folder = Folder::with(&named);
+    folder.film("--job film.toml");
+    let names = folder.names();
+    assert!(names.contains(&"some.png".into()) && names.contains(&"all.png".into()) && names.len() == 9, "{names:?}");
+    assert_eq!(animation(&std::fs::read(folder.path("all.png")).unwrap()), (5, 120));
+
+    let folder = Folder::with(&TWIST.replace("frames = 5", "frames = 5\nview.film = false"));
+    folder.film("--job film.toml");
+    assert_eq!(folder.names().iter().filter(|name| name.ends_with("png")).count(), 0);
+    folder.film("--job film.toml --animation all.png");
+    assert_eq!(folder.names().iter().filter(|name| name.ends_with("png")).count(), 1);
+
+    for (flags, fragment) in [
+        ("--report film.html", "reported as JSON"),
+        ("--animation film.gif", "written as PNG"),
+        ("--picture out-film.png", "overwrite the animation"),
+    ] {
+        let folder = Folder::with(TWIST);
+        let (code, error) = folder.failure(&format!("--job film.toml {flags}"));
+        assert_eq!(code, Some(2), "{error}");
+        assert!(error["what"].as_str().unwrap().contains(fragment), "{error}");
+        assert_eq!(folder.names(), ["film.toml"]);
     }
 }
