@@ -1,10 +1,13 @@
-//! One word for what is done to the whole workspace: `cargo xtask test`, `cargo xtask lint`, `cargo xtask viewer`.
+//! One word for what is done to the whole workspace: `cargo xtask test`, `cargo xtask lint`, `cargo xtask viewer`, `cargo xtask gallery`.
+
+mod gallery;
 
 use std::process::{Command, ExitCode};
 
 const USAGE: &str = "cargo xtask test   fetches what is missing and runs all tests
 cargo xtask lint   rustfmt, clippy and documentation, all warnings are errors
-cargo xtask viewer bundles the 3D view of report pages anew; needs Node.js";
+cargo xtask viewer bundles the 3D view of report pages anew; needs Node.js
+cargo xtask gallery runs the example jobs and makes docs/gallery.md anew";
 
 /// Where the 3D view of report pages is.
 const VIEWER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/isochor-view/src/viewer");
@@ -28,6 +31,7 @@ const LINT: &[&str] = &[
 fn main() -> ExitCode {
     let succeeded = match std::env::args().nth(1).as_deref() {
         Some("test") => TEST.iter().all(|step| cargo(step)),
+        Some("gallery") => gallery::make().map_err(|error| eprintln!("{error}")).is_ok(),
         Some("viewer") => BUNDLE.iter().all(|step| npm(step)),
         Some("lint") => add_components() && LINT.iter().all(|step| cargo(step)),
         _ => {

@@ -135,6 +135,9 @@ pub struct DeformArgs {
     /// From where pictures are seen: degrees about the upward axis and from above, -60,22.
     #[arg(long, value_name = "AZIMUTH,ELEVATION", allow_hyphen_values = true, help_heading = "Pictures")]
     pub view: Option<String>,
+    /// Width and height of a pose in pictures, in pixels: 520x520.
+    #[arg(long, value_name = "WxH", help_heading = "Pictures")]
+    pub size: Option<String>,
     /// Draw pictures without the lattice.
     #[arg(long, help_heading = "Pictures")]
     pub no_lattice: bool,

@@ -159,6 +159,15 @@ pub fn view(text: &str) -> Result<[f64; 2], Failure> {
     parsed().ok_or_else(|| refused("view", text, "-60,22"))
 }
 
+/// `520x520`
+pub fn size(text: &str) -> Result<[u32; 2], Failure> {
+    let parsed = || {
+        let (width, height) = text.split_once('x')?;
+        Some([width.trim().parse().ok()?, height.trim().parse().ok()?])
+    };
+    parsed().ok_or_else(|| refused("size", text, "520x520"))
+}
+
 /// `1204:0.3`
 pub fn falloff(text: &str) -> Result<Falloff, Failure> {
     let parsed = || {

@@ -367,6 +367,9 @@ fn apply_view_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
     if let Some(text) = &args.view {
         [view.azimuth, view.elevation] = flags::view(text)?;
     }
+    if let Some(text) = &args.size {
+        view.size = Some(flags::size(text)?);
+    }
     if args.no_lattice {
         view.lattice = false;
     }

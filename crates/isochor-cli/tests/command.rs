@@ -1183,7 +1183,7 @@ fn pictures_and_pages_show_what_was_done() {
 
     // Without deformation there is one pose; without correction there are two.
     for (line, poses) in [("ball.ply -o same.ply", 1), ("ball.ply -o free.ply --twist z=90 --volume free", 2)] {
-        folder.report(&format!("{line} --picture poses.png --color volume"));
+        folder.report(&format!("{line} --picture poses.png --color volume --size 540x400"));
         let png = folder.bytes("poses.png");
         let wide = u32::from_be_bytes(png[16..20].try_into().unwrap());
         assert!((500 * poses..=600 * poses).contains(&wide), "{line}: {wide}");
@@ -1326,6 +1326,8 @@ fn bad_input_ends_with_2_and_writes_nothing() {
         ("deform cube.obj -o out.obj --twist z=90 --picture out.gif", "file", ".png"),
         ("deform cube.obj -o out.obj --twist z=90 --animation out.png", "file", "frames = 36"),
         ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view 30", "usage", "-60,22"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --size 300", "usage", "520x520"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --size 9x9", "usage", "pixels"),
         ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view 0,100", "usage", "-90 to 90"),
         ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view nan,0", "usage", "-60,22"),
         ("deform cube.obj -o out.obj --twist z=90 --save-controls controls.txt", "file", ".json"),
