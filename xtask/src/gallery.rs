@@ -32,7 +32,7 @@ pub fn make() -> Result<(), String> {
     std::fs::create_dir_all(models).map_err(|error| format!("{}: {error}", models.display()))?;
     let mut page = HEAD.to_owned();
     for (title, folder) in [("The paper's figures", "figures"), ("Films", "films"), ("Locality", "locality")] {
-        write!(page, "\n## {title}\n").expect("text");
+        writeln!(page, "\n## {title}").expect("text");
         for job in jobs(&format!("examples/jobs/{folder}"))? {
             page += &entry(&job, folder, models)?;
         }
@@ -77,7 +77,7 @@ fn entry(job: &str, folder: &str, models: &Path) -> Result<String, String> {
     let about = comments.iter().take_while(|line| !line.is_empty()).copied().collect::<Vec<_>>().join(" ");
     let mut part = format!("\n### {name}\n\n{about}\n\n![{name}](gallery/{name}.png)\n");
     if is_film {
-        write!(part, "![{name}, animated](gallery/{name}-film.png)\n").expect("text");
+        writeln!(part, "![{name}, animated](gallery/{name}-film.png)").expect("text");
     }
     let volumes: Vec<&Value> = match report["frames"].as_array() {
         Some(frames) => frames.iter().map(|frame| &frame["volume"]).collect(),
