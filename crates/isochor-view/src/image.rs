@@ -56,7 +56,7 @@ impl Image {
     pub fn png(&self) -> Vec<u8> {
         let mut file = Vec::new();
         let mut encoder = self.encoder(&mut file);
-        encoder.set_compression(png::Compression::Fast);
+        encoder.set_compression(png::Compression::Balanced);
         let written = encoder.write_header().and_then(|mut writer| writer.write_image_data(self.pixels.as_flattened()));
         written.expect("an image has at least one pixel, and memory takes all bytes");
         file
