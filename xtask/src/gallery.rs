@@ -1,4 +1,8 @@
-//! `cargo xtask gallery`: runs the example jobs and makes the gallery page and its pictures anew.
+//! `cargo xtask gallery`: runs the example jobs and the demo, and makes the gallery page and its pictures anew.
+//!
+//! What the page says of a job is the comment at the job's head, up to its first empty line. There, a line `Volume without correction: paper
+//! -28 %, here …` has the paper's number, and `Vertices: paper 710322 …, here …` its number of vertices; the numbers of ours are those of the
+//! run's report.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -6,92 +10,224 @@ use std::process::Command;
 
 use serde_json::Value;
 
-/// Where pages and pictures of the gallery go.
+/// Where the page and its pictures go, and where the demo and all models are.
 const PAGE: &str = "docs/gallery.md";
 const PICTURES: &str = "docs/gallery";
+const WORK: &str = "target/gallery";
 
-/// Width and height of a pose. More: larger files in the repository; less: details are lost.
-const OF_PICTURE: &str = "300x300";
-const OF_FILM: &str = "220x240";
+/// Width and height of a pose. More: larger files in the repository; less: details are lost. Lattices and films make large files.
+const OF_PICTURE: &str = "260x260";
+const WITH_LATTICE: &str = "165x165";
+const OF_FILM: &str = "112x124";
 
 const HEAD: &str = "# Gallery
 
-Made by `cargo xtask gallery` from the jobs in `examples/jobs`; the numbers are those of the runs. Each job is run by
-`isochor deform --job JOB.toml`. Pictures show the model at rest, deformed, and corrected to its volume at rest; colours say by what factor the
-volume of a small piece changed ([pictures.md](pictures.md)). What the paper prints of its figures is on [figures.md](figures.md).
+Made by `cargo xtask gallery` from the jobs in `examples/jobs` and those of the demo; the numbers of ours are those of the runs. Pictures show the
+model at rest, deformed by the edits, and corrected, all with one camera. Their colours are those of the surface, where a corrected model may still be blue:
+what was lost there was given back inside. More of colours is on [pictures.md](pictures.md), more of the paper's figures on
+[figures.md](figures.md).
 ";
+
+/// Jobs of one kind.
+struct Section {
+    title: &'static str,
+    /// Where the jobs are.
+    from: &'static str,
+    /// Where they run: there are the models that they name.
+    place: &'static str,
+    /// Where the page says that they are.
+    shown: &'static str,
+    /// What their pictures' names begin with, so that no two have the same.
+    prefix: &'static str,
+    /// What the page says before their commands.
+    before: &'static str,
+    /// Width and height of a pose, but of films.
+    size: &'static str,
+}
+
+const SECTIONS: [Section; 5] = [
+    Section {
+        title: "The paper's figures",
+        from: "examples/jobs/figures",
+        place: "examples/jobs/figures",
+        shown: "examples/jobs/figures",
+        prefix: "",
+        before: "",
+        size: OF_PICTURE,
+    },
+    Section {
+        title: "Films",
+        from: "examples/jobs/films",
+        place: "examples/jobs/films",
+        shown: "examples/jobs/films",
+        prefix: "films-",
+        before: "",
+        size: OF_PICTURE,
+    },
+    Section {
+        title: "Locality",
+        from: "examples/jobs/locality",
+        place: "examples/jobs/locality",
+        shown: "examples/jobs/locality",
+        prefix: "locality-",
+        before: "",
+        size: OF_PICTURE,
+    },
+    Section {
+        title: "Jobs to try",
+        from: "examples/jobs",
+        place: WORK,
+        shown: "examples/jobs",
+        prefix: "jobs-",
+        before: "isochor demo examples/jobs/isochor-demo && ",
+        size: OF_PICTURE,
+    },
+    Section {
+        title: "The demo",
+        from: "target/gallery/isochor-demo",
+        place: "target/gallery/isochor-demo",
+        shown: "isochor-demo",
+        prefix: "demo-",
+        before: "isochor demo && ",
+        size: WITH_LATTICE,
+    },
+];
 
 /// Runs all jobs and writes the page; says why where that fails.
 pub fn make() -> Result<(), String> {
-    let status = Command::new("cargo").args(["build", "--release", "--locked", "-p", "isochor-cli"]).status();
-    if !status.is_ok_and(|status| status.success()) {
-        return Err("the command does not build".into());
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("..");
+    std::env::set_current_dir(&root).map_err(|error| format!("{}: {error}", root.display()))?;
+    for folder in [PICTURES, WORK] {
+        std::fs::create_dir_all(folder).map_err(|error| format!("{folder}: {error}"))?;
     }
-    std::fs::create_dir_all(PICTURES).map_err(|error| format!("{PICTURES}: {error}"))?;
-    let models = Path::new("target/gallery");
-    std::fs::create_dir_all(models).map_err(|error| format!("{}: {error}", models.display()))?;
+    for picture in files(PICTURES, ".png")? {
+        std::fs::remove_file(&picture).map_err(|error| format!("{picture}: {error}"))?;
+    }
+    isochor(&["demo", &format!("{WORK}/isochor-demo")])?;
     let mut page = HEAD.to_owned();
-    for (title, folder) in [("The paper's figures", "figures"), ("Films", "films"), ("Locality", "locality")] {
-        writeln!(page, "\n## {title}").expect("text");
-        for job in jobs(&format!("examples/jobs/{folder}"))? {
-            page += &entry(&job, folder, models)?;
+    for section in &SECTIONS {
+        writeln!(page, "\n## {}", section.title).expect("text");
+        for job in files(section.from, ".toml")? {
+            page += &entry(&job, section)?;
         }
     }
     std::fs::write(PAGE, page).map_err(|error| format!("{PAGE}: {error}"))
 }
 
-/// The job files of a folder, in order of their names.
-fn jobs(folder: &str) -> Result<Vec<String>, String> {
+/// The files of a folder that end so, in order of their names.
+fn files(folder: &str, ending: &str) -> Result<Vec<String>, String> {
     let entries = std::fs::read_dir(folder).map_err(|error| format!("{folder}: {error}"))?;
-    let paths = entries.filter_map(|entry| Some(entry.ok()?.path().to_str()?.to_owned()));
-    let mut jobs: Vec<String> = paths.filter(|path| path.ends_with(".toml")).collect();
-    jobs.sort();
-    Ok(jobs)
+    let names = entries.filter_map(|entry| entry.ok()?.file_name().into_string().ok());
+    let mut files: Vec<String> =
+        names.filter(|name| name.ends_with(ending)).map(|name| format!("{folder}/{name}")).collect();
+    files.sort_by(|a, b| a.trim_end_matches(ending).cmp(b.trim_end_matches(ending)));
+    Ok(files)
+}
+
+/// Runs the command and gives its report.
+fn isochor(arguments: &[&str]) -> Result<Value, String> {
+    let mut command = Command::new(std::env::var_os("CARGO").unwrap_or_else(|| "cargo".into()));
+    command.args(["run", "--release", "--locked", "--quiet", "-p", "isochor-cli", "--"]).args(arguments);
+    let line = arguments.join(" ");
+    eprintln!("$ isochor {line}");
+    let ran = command.args(["--json", "--quiet"]).output().map_err(|error| format!("{line}: {error}"))?;
+    if !ran.status.success() {
+        return Err(format!(
+            "{line}: {}{}",
+            String::from_utf8_lossy(&ran.stderr),
+            String::from_utf8_lossy(&ran.stdout)
+        ));
+    }
+    serde_json::from_slice(&ran.stdout).map_err(|error| format!("{line}: {error}"))
 }
 
 /// Runs a job and gives its part of the page.
-fn entry(job: &str, folder: &str, models: &Path) -> Result<String, String> {
+fn entry(job: &str, section: &Section) -> Result<String, String> {
     let text = std::fs::read_to_string(job).map_err(|error| format!("{job}: {error}"))?;
-    let stem = Path::new(job).file_stem().unwrap_or_default().to_string_lossy().into_owned();
-    let name = if folder == "figures" { stem.clone() } else { format!("{folder}-{stem}") };
+    let file = Path::new(job).file_name().unwrap_or_default().to_string_lossy().into_owned();
+    let stem = file.trim_end_matches(".toml");
     let is_film = text.lines().any(|line| line.starts_with("frames"));
-    let (picture, animation) = (format!("{PICTURES}/{name}.png"), format!("{PICTURES}/{name}-film.png"));
-    let model = models.join(format!("{name}.ply"));
-    let mut command = Command::new("target/release/isochor");
-    command.args(["deform", "--json", "--quiet", "--job", job, "--picture", &picture]).arg("-o").arg(&model);
-    command
-        .args(["--size", if is_film { OF_FILM } else { OF_PICTURE }])
-        .arg("--report")
-        .arg(model.with_extension("json"));
-    if is_film {
-        command.args(["--animation", &animation, "--no-lattice"]);
-    }
-    eprintln!("{job}");
-    let ran = command.output().map_err(|error| format!("{job}: {error}"))?;
-    let report: Value = serde_json::from_slice(&ran.stdout).map_err(|error| format!("{job}: {error}"))?;
-    if !ran.status.success() {
-        return Err(format!("{job}: {report}"));
+    let placed = format!("{}/{file}", section.place);
+    if placed != job {
+        std::fs::write(&placed, &text).map_err(|error| format!("{placed}: {error}"))?;
     }
 
-    let comments: Vec<&str> = text.lines().map_while(|line| line.strip_prefix('#')).map(str::trim).collect();
-    let about = comments.iter().take_while(|line| !line.is_empty()).copied().collect::<Vec<_>>().join(" ");
-    let mut part = format!("\n### {name}\n\n{about}\n\n![{name}](gallery/{name}.png)\n");
-    if is_film {
-        writeln!(part, "![{name}, animated](gallery/{name}-film.png)").expect("text");
+    let base = format!("{}{}", section.prefix, stem.trim_end_matches("-film"));
+    let names = if is_film { vec![format!("{base}-strip"), format!("{base}-film")] } else { vec![base] };
+    let pictures: Vec<String> = names.iter().map(|name| format!("{PICTURES}/{name}.png")).collect();
+    let model = format!("{WORK}/{}{stem}.ply", section.prefix);
+    let report = format!("{WORK}/{}{stem}.json", section.prefix);
+    let size = if is_film { OF_FILM } else { section.size };
+    let mut arguments =
+        vec!["deform", "--job", &placed, "-o", &model, "--report", &report, "--size", size, "--picture", &pictures[0]];
+    if let Some(animation) = pictures.get(1) {
+        arguments.extend(["--animation", animation]);
     }
-    let volumes: Vec<&Value> = match report["frames"].as_array() {
+    let report = isochor(&arguments)?;
+
+    let comment = text.lines().map_while(|line| line.strip_prefix('#')).map(str::trim);
+    let (mut about, mut paper_volume, mut paper_vertices) = (Vec::new(), None, None);
+    for line in comment.take_while(|line| !line.is_empty() && !line.starts_with("In this folder")) {
+        let paper = |line: &str| Some(line.strip_prefix(" paper ")?.rsplit_once(", here")?.0.to_owned());
+        match line.split_once(':') {
+            Some(("Volume without correction", numbers)) => paper_volume = paper(numbers),
+            Some(("Vertices", numbers)) => paper_vertices = paper(numbers),
+            _ => about.push(line),
+        }
+    }
+    let mut about = about.join(" ");
+    if let Some(first) = about.get(..1).map(str::to_uppercase) {
+        about.replace_range(..1, &first);
+    }
+    let end = if about.ends_with('.') { "" } else { "." };
+    let shown = match stem.split_once('-') {
+        Some((word, rest)) => format!("{word} {}", rest.replace("-film", ", film")),
+        None => stem.to_owned(),
+    };
+    let title = format!("{}{}", shown[..1].to_uppercase(), &shown[1..]);
+    let mut part = format!("\n### {title}\n\n{about}{end}\n\n");
+    for name in &names {
+        writeln!(part, "![{title}](gallery/{name}.png)").expect("text");
+    }
+    part += &numbers(&report, paper_volume, paper_vertices);
+    write!(part, "\n```sh\n{}isochor deform --job {}/{file}\n```\n", section.before, section.shown).expect("text");
+    Ok(part)
+}
+
+/// A table of the paper's numbers and ours; without its column where it has none.
+fn numbers(report: &Value, paper_volume: Option<String>, paper_vertices: Option<String>) -> String {
+    let frames = report["frames"].as_array();
+    let volumes: Vec<&Value> = match frames {
         Some(frames) => frames.iter().map(|frame| &frame["volume"]).collect(),
         None => vec![&report["volume"]],
     };
     let number = |volume: &Value, key: &str| volume[key].as_f64().unwrap_or(f64::NAN);
     let changes = volumes.iter().map(|volume| 100.0 * (number(volume, "posed") / number(volume, "rest") - 1.0));
     let farthest = changes.max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(f64::NAN);
-    let error = volumes.iter().map(|volume| number(volume, "relative_error")).fold(0.0, f64::max);
-    writeln!(
-        part,
-        "\nVolume by the edits alone: {farthest:+.2} %{}; after the correction it is met to {error:.1e}. `{job}`",
-        if is_film { " in the frame that changes it most" } else { "" }
-    )
-    .expect("text");
-    Ok(part)
+    let error =
+        volumes.iter().flat_map(|volume| errors(volume)).reduce(f64::max).map_or("none was asked".into(), |error| {
+            match error {
+                0.0 => "0".into(),
+                error => format!("{error:.1e}"),
+            }
+        });
+    let at = if frames.is_some() { " (the frame that changes it most)" } else { "" };
+    let rows = [
+        (format!("volume without correction{at}"), paper_volume, format!("{farthest:+.2} %")),
+        ("vertices".into(), paper_vertices, report["model"]["vertices"].to_string()),
+        ("largest relative error of corrected volumes".into(), None, error),
+    ];
+    let has_paper = rows.iter().any(|row| row.1.is_some());
+    let mut table = if has_paper { "\n| | paper | here |\n|---|---|---|\n" } else { "\n| | |\n|---|---|\n" }.to_owned();
+    for (what, paper, here) in rows {
+        let paper = if has_paper { format!(" {} |", paper.unwrap_or_default()) } else { String::new() };
+        writeln!(table, "| {what} |{paper} {here} |").expect("text");
+    }
+    table
+}
+
+/// All relative errors in a report's volumes: of the whole, of components and of parts, where a volume was asked.
+fn errors(volume: &Value) -> Vec<f64> {
+    let rows = ["components", "parts"].iter().filter_map(|rows| volume[rows].as_array()).flatten();
+    volume["relative_error"].as_f64().into_iter().chain(rows.flat_map(errors)).collect()
 }

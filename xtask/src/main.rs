@@ -7,7 +7,7 @@ use std::process::{Command, ExitCode};
 const USAGE: &str = "cargo xtask test   fetches what is missing and runs all tests
 cargo xtask lint   rustfmt, clippy and documentation, all warnings are errors
 cargo xtask viewer bundles the 3D view of report pages anew; needs Node.js
-cargo xtask gallery runs the example jobs and makes docs/gallery.md anew";
+cargo xtask gallery runs the example jobs and makes docs/gallery.md and its pictures anew";
 
 /// Where the 3D view of report pages is.
 const VIEWER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/isochor-view/src/viewer");

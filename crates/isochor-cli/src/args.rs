@@ -250,6 +250,8 @@ pub enum PrecisionArg {
 pub enum ColorArg {
     /// By what factor the volume of a small piece changed.
     Volume,
+    /// By what factor the last step, edits or correction, changed it.
+    Steps,
     /// How far vertices moved.
     Displacement,
     /// Nothing.

@@ -24,7 +24,22 @@ const KEPT: usize = 50_000_000;
 
 /// Poses side by side, as PNG.
 pub fn of_job(show: &Show, view: &ViewRequest) -> Vec<u8> {
-    picture(show, &options(view, OF_PICTURE)).png()
+    let options = options(view, OF_PICTURE);
+    if view.color != ColorBy::Steps {
+        return picture(show, &options).png();
+    }
+    let mut steps = show.clone();
+    for (pose, pair) in steps.poses.iter_mut().skip(1).zip(show.poses.windows(2)) {
+        if let [Some(before), Some(after)] = [&pair[0].volume_change, &pair[1].volume_change] {
+            pose.volume_change = Some(of_step(before, after).into());
+        }
+    }
+    picture(&steps, &options).png()
+}
+
+/// Local volume changes (#vertices) from one pose to the next, of those of both against rest: determinants multiply.
+fn of_step(before: &[f64], after: &[f64]) -> Vec<f64> {
+    before.iter().zip(after).map(|(before, after)| after / before).collect()
 }
 
 /// How pictures look whose poses have this size unless the request names one.
@@ -33,7 +48,7 @@ fn options(view: &ViewRequest, size: [u32; 2]) -> PictureOptions {
     PictureOptions {
         panel: named.unwrap_or(size).map(|side| side as usize),
         coloring: match color {
-            ColorBy::Volume => Coloring::VolumeChange,
+            ColorBy::Volume | ColorBy::Steps => Coloring::VolumeChange,
             ColorBy::Displacement => Coloring::Displacement,
             ColorBy::Plain => Coloring::Plain,
         },
@@ -86,6 +101,9 @@ impl FilmPictures {
         self.faces.get_or_insert_with(|| mesh.faces().clone());
         let change = match request.job.view.color {
             ColorBy::Volume => outcome.course().map(|course| course.corrected_change.into()),
+            ColorBy::Steps => {
+                outcome.course().map(|course| of_step(&course.posed_change, &course.corrected_change).into())
+            }
             ColorBy::Displacement | ColorBy::Plain => None,
         };
         let lattice = outcome.controls.as_ref().filter(|_| request.job.view.lattice);
@@ -127,4 +145,18 @@ fn beside(path: &Path, ending: &str) -> PathBuf {
     let mut name = path.file_stem().unwrap_or_default().to_os_string();
     name.push(format!("-{ending}.png"));
     path.with_file_name(name)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn a_step_is_what_it_adds_to_the_step_before() {
+        // To a half and from there to the whole: doubled. Inside out both times: turned neither way. From nothing: no finite factor.
+        let steps = of_step(&[0.5, 1.0, -2.0, 0.0, 0.0], &[1.0, 1.0, -1.0, 1.0, 0.0]);
+        assert_eq!(steps[..4], [2.0, 1.0, 0.5, f64::INFINITY]);
+        assert!(steps[4].is_nan());
+        assert_eq!(of_step(&[], &[]), [0.0; 0]);
+    }
 }

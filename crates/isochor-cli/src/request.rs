@@ -354,6 +354,7 @@ fn apply_view_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
     let view = &mut job.view;
     match args.color {
         Some(ColorArg::Volume) => view.color = ColorBy::Volume,
+        Some(ColorArg::Steps) => view.color = ColorBy::Steps,
         Some(ColorArg::Displacement) => view.color = ColorBy::Displacement,
         Some(ColorArg::Plain) => view.color = ColorBy::Plain,
         None => {}

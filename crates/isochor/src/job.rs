@@ -88,6 +88,8 @@ pub enum ColorBy {
     /// By what factor the volume of a small piece changed.
     #[default]
     Volume,
+    /// By what factor the last step changed it: the edits in the deformed pose, the correction in the corrected one.
+    Steps,
     /// How far vertices moved.
     Displacement,
     /// Nothing.

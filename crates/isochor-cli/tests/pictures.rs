@@ -1,0 +1,45 @@
+//! `--color steps` and `--size` of pictures.
+
+use std::process::Command;
+
+/// The picture of a cube that is pressed to half its height and corrected along x and y.
+fn picture(folder: &tempfile::TempDir, name: &str, flags: &[&str]) -> Vec<u8> {
+    let path = folder.path().join(name);
+    let model = folder.path().join("out.ply");
+    let ran = Command::new(env!("CARGO_BIN_EXE_isochor"))
+        .args(["deform", "shape:cube?n=4", "--stretch", "z=0.5", "--no-lattice", "--quiet"])
+        .arg("-o")
+        .arg(&model)
+        .arg("--picture")
+        .arg(&path)
+        .args(flags)
+        .output()
+        .unwrap();
+    assert!(ran.status.success(), "{}", String::from_utf8_lossy(&ran.stderr));
+    std::fs::read(path).unwrap()
+}
+
+/// Width and height of a PNG: in `IHDR`, after 16 bytes.
+fn sides(png: &[u8]) -> [u32; 2] {
+    [16, 20].map(|at| u32::from_be_bytes(png[at..at + 4].try_into().unwrap()))
+}
+
+#[test]
+fn steps_differ_from_the_whole_change_where_there_is_a_correction() {
+    let folder = tempfile::tempdir().unwrap();
+    let draw = |name: &str, flags: &[&str]| picture(&folder, name, flags);
+    let size = ["--size", "100x100"];
+    let corrected = |color: &'static str| draw("a.png", &[size[0], size[1], "--preserve", "xy", "--color", color]);
+    assert!(corrected("steps") != corrected("volume"));
+    // Without correction the one step is the whole change.
+    let plain = |color: &'static str| draw("b.png", &[size[0], size[1], "--preserve", "free", "--color", color]);
+    assert!(plain("steps") == plain("volume"));
+}
+
+#[test]
+fn a_size_is_that_of_a_pose() {
+    let folder = tempfile::tempdir().unwrap();
+    let wide = |size: &str| sides(&picture(&folder, "a.png", &["--size", size]))[0];
+    // Three poses side by side; margins and gaps are the same for both.
+    assert_eq!(wide("300x300") - wide("200x200"), 3 * 100);
+}
