@@ -15,17 +15,16 @@ const PAGE: &str = "docs/gallery.md";
 const PICTURES: &str = "docs/gallery";
 const WORK: &str = "target/gallery";
 
-/// Width and height of a pose. More: larger files in the repository; less: details are lost. Lattices and films make large files.
+/// Width and height of a pose. More: larger files in the repository; less: details are lost.
 const OF_PICTURE: &str = "260x260";
-const WITH_LATTICE: &str = "165x165";
 const OF_FILM: &str = "112x124";
 
 const HEAD: &str = "# Gallery
 
 Made by `cargo xtask gallery` from the jobs in `examples/jobs` and those of the demo; the numbers of ours are those of the runs. Pictures show the
-model at rest, deformed by the edits, and corrected, all with one camera. Their colours are those of the surface, where a corrected model may still be blue:
-what was lost there was given back inside. More of colours is on [pictures.md](pictures.md), more of the paper's figures on
-[figures.md](figures.md).
+model at rest, deformed by the edits, and corrected, all with one camera; here they are smaller than what the commands write. Their colours are
+those of the surface, where a corrected model may still be blue: what was lost there was given back inside. More of colours is on
+[pictures.md](pictures.md), more of the paper's figures on [figures.md](figures.md).
 ";
 
 /// Jobs of one kind.
@@ -41,8 +40,8 @@ struct Section {
     prefix: &'static str,
     /// What the page says before their commands.
     before: &'static str,
-    /// Width and height of a pose, but of films.
-    size: &'static str,
+    /// What they run with besides: lattices of small pictures hide the models.
+    flags: &'static [&'static str],
 }
 
 const SECTIONS: [Section; 5] = [
@@ -53,7 +52,7 @@ const SECTIONS: [Section; 5] = [
         shown: "examples/jobs/figures",
         prefix: "",
         before: "",
-        size: OF_PICTURE,
+        flags: &[],
     },
     Section {
         title: "Films",
@@ -62,7 +61,7 @@ const SECTIONS: [Section; 5] = [
         shown: "examples/jobs/films",
         prefix: "films-",
         before: "",
-        size: OF_PICTURE,
+        flags: &[],
     },
     Section {
         title: "Locality",
@@ -71,7 +70,7 @@ const SECTIONS: [Section; 5] = [
         shown: "examples/jobs/locality",
         prefix: "locality-",
         before: "",
-        size: OF_PICTURE,
+        flags: &[],
     },
     Section {
         title: "Jobs to try",
@@ -80,7 +79,7 @@ const SECTIONS: [Section; 5] = [
         shown: "examples/jobs",
         prefix: "jobs-",
         before: "isochor demo examples/jobs/isochor-demo && ",
-        size: OF_PICTURE,
+        flags: &[],
     },
     Section {
         title: "The demo",
@@ -89,7 +88,7 @@ const SECTIONS: [Section; 5] = [
         shown: "isochor-demo",
         prefix: "demo-",
         before: "isochor demo && ",
-        size: WITH_LATTICE,
+        flags: &["--no-lattice"],
     },
 ];
 
@@ -157,9 +156,10 @@ fn entry(job: &str, section: &Section) -> Result<String, String> {
     let pictures: Vec<String> = names.iter().map(|name| format!("{PICTURES}/{name}.png")).collect();
     let model = format!("{WORK}/{}{stem}.ply", section.prefix);
     let report = format!("{WORK}/{}{stem}.json", section.prefix);
-    let size = if is_film { OF_FILM } else { section.size };
+    let size = if is_film { OF_FILM } else { OF_PICTURE };
     let mut arguments =
         vec!["deform", "--job", &placed, "-o", &model, "--report", &report, "--size", size, "--picture", &pictures[0]];
+    arguments.extend(section.flags);
     if let Some(animation) = pictures.get(1) {
         arguments.extend(["--animation", animation]);
     }
@@ -190,7 +190,9 @@ fn entry(job: &str, section: &Section) -> Result<String, String> {
         writeln!(part, "![{title}](gallery/{name}.png)").expect("text");
     }
     part += &numbers(&report, paper_volume, paper_vertices);
-    write!(part, "\n```sh\n{}isochor deform --job {}/{file}\n```\n", section.before, section.shown).expect("text");
+    let flags: String = section.flags.iter().map(|flag| format!(" {flag}")).collect();
+    let (before, shown) = (section.before, section.shown);
+    write!(part, "\n```sh\n{before}isochor deform --job {shown}/{file}{flags}\n```\n").expect("text");
     Ok(part)
 }
 

@@ -173,3 +173,32 @@ fn films_have_their_volumes_in_every_frame() {
         assert!(name != "bounce" || highest > 3.9, "the ball flies only up to {highest}");
     }
 }
+
+/// What docs/correct.md says under the pictures of automatic locality.
+#[test]
+fn the_foot_of_a_squeezed_bottle_stays_where_the_correction_is_local() {
+    let folder = folder("locality");
+    assert_eq!(jobs_in(&folder), ["auto", "uniform"]);
+    for name in ["auto", "uniform"] {
+        let panel = Panel::read(&folder, name);
+        let job = panel.film.job(0).unwrap();
+        let corrected = panel.run(&job);
+        let volume = corrected.report.volume.as_ref().unwrap().overall;
+        assert!((volume.corrected / volume.rest - 1.0).abs() <= 1e-13, "{name}: {volume:?}");
+        // The edit takes a factor 0.6 of both x and y at most.
+        let least = corrected.course().unwrap().posed_change.into_iter().fold(f64::INFINITY, f64::min);
+        assert!((least - 0.36).abs() <= 1e-9, "{name}: {least}");
+
+        let mut free = job;
+        free.preserve.volume = VolumeTarget::Free;
+        let posed = panel.run(&free).points;
+        let heights = panel.mesh.points().iter().map(|p| p.z);
+        let [foot, top] = [heights.clone().fold(f64::INFINITY, f64::min), heights.fold(f64::NEG_INFINITY, f64::max)];
+        let triples = panel.mesh.points().iter().zip(&posed).zip(&corrected.points);
+        let moved = triples
+            .filter(|((rest, _), _)| rest.z < foot + 0.15 * (top - foot))
+            .map(|((_, before), after)| before.distance(*after) / (top - foot))
+            .fold(0.0, f64::max);
+        assert!(if name == "auto" { moved < 0.002 } else { moved > 0.06 }, "{name}: {moved}");
+    }
+}
