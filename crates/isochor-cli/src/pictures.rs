@@ -19,8 +19,12 @@ const OF_ANIMATION: [u32; 2] = [400, 400];
 /// Frames of a film in its strip at most. More: they are small; fewer: motion is lost.
 const IN_STRIP: usize = 12;
 
-/// Vertices of all frames together that are kept for its pictures at most: 1.2 GB of memory.
+/// Vertices of all frames together that are kept for its pictures at most. More: memory, 1.6 GB with their changes of volume; fewer: films
+/// of scanned models have no pictures.
 const KEPT: usize = 50_000_000;
+
+/// Pixels of all frames together in one of its pictures at most. More: memory, 1.2 GB; fewer: long films have no animation.
+const DRAWN: usize = 400_000_000;
 
 /// Poses side by side, as PNG.
 pub fn of_job(show: &Show, view: &ViewRequest) -> Vec<u8> {
@@ -69,35 +73,23 @@ pub struct FilmPictures {
 }
 
 impl FilmPictures {
-    /// The pictures that a film asks for by name, or those beside its models: `out-strip.png` and `out-film.png`.
+    /// The pictures of a film, before there is any frame.
     pub fn of(requests: &Requests) -> Result<Self, Failure> {
-        let first = requests.frame(0)?;
-        let output = requests.output()?.filter(|_| first.job.view.film);
-        let beside = |named: &Option<PathBuf>, ending: &str| {
-            named.clone().or_else(|| output.as_deref().map(|output| beside(output, ending)))
-        };
-        let (strip, animation) = (beside(&first.picture, "strip"), beside(&first.animation, "film"));
-        if let (Some(path), true) = (&strip, strip == animation) {
-            return Err(Failure::file(path, "the picture would overwrite the animation", "choose another name"));
+        let Request { job, picture: strip, animation, .. } = requests.frame(0)?;
+        let frames = requests.frames();
+        if let Some(path) = &animation {
+            check_pixels(path, frames, options(&job.view, OF_ANIMATION).panel)?;
         }
-        Ok(Self { strip, animation, frames: requests.frames(), faces: None, poses: Vec::new() })
+        if let Some(path) = &strip {
+            check_pixels(path, frames.min(IN_STRIP), options(&job.view, OF_STRIP).panel)?;
+        }
+        Ok(Self { strip, animation, frames, faces: None, poses: Vec::new() })
     }
 
     /// Keeps a frame, unless there are no pictures of it.
     pub fn keep(&mut self, time: f64, request: &Request, mesh: &Mesh, outcome: &Outcome) -> Result<(), Failure> {
         let Some(path) = self.strip.as_ref().or(self.animation.as_ref()) else { return Ok(()) };
-        if mesh.points().len().saturating_mul(self.frames) > KEPT {
-            let what = format!(
-                "{} frames of {} vertices are more than pictures are drawn of",
-                self.frames,
-                mesh.points().len()
-            );
-            return Err(Failure::file(
-                path,
-                what,
-                "write [view] film = false and name no picture, or take fewer frames",
-            ));
-        }
+        check_vertices(path, self.frames, mesh.points().len())?;
         self.faces.get_or_insert_with(|| mesh.faces().clone());
         let change = match request.job.view.color {
             ColorBy::Volume => outcome.course().map(|course| course.corrected_change.into()),
@@ -140,16 +132,55 @@ impl FilmPictures {
     }
 }
 
-/// `out.ply` → `out-ending.png`.
-fn beside(path: &Path, ending: &str) -> PathBuf {
-    let mut name = path.file_stem().unwrap_or_default().to_os_string();
-    name.push(format!("-{ending}.png"));
-    path.with_file_name(name)
+/// Refuses pictures of more vertices than are kept.
+fn check_vertices(path: &Path, frames: usize, vertices: usize) -> Result<(), Failure> {
+    if vertices.saturating_mul(frames) <= KEPT {
+        return Ok(());
+    }
+    let what = format!("{frames} frames of {vertices} vertices are more than pictures are drawn of");
+    Err(Failure::file(path, what, "write [view] film = false and name no picture, or take fewer frames"))
+}
+
+/// Refuses pictures of more pixels than are drawn.
+fn check_pixels(path: &Path, frames: usize, [width, height]: [usize; 2]) -> Result<(), Failure> {
+    if width.saturating_mul(height).saturating_mul(frames) <= DRAWN {
+        return Ok(());
+    }
+    let what = format!("{frames} frames of {width} × {height} pixels are more than are drawn in one picture");
+    let hint = "choose a smaller [view] size, take fewer frames, or write [view] film = false and name no picture";
+    Err(Failure::file(path, what, hint))
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn more_vertices_than_are_kept_are_refused_by_number() {
+        let path = Path::new("out-strip.png");
+        for (frames, vertices) in [(2, KEPT / 2), (KEPT, 1), (10_000, 0)] {
+            assert!(check_vertices(path, frames, vertices).is_ok(), "{frames} × {vertices}");
+        }
+        for (frames, vertices) in [(2, KEPT / 2 + 1), (KEPT, 2), (usize::MAX, usize::MAX)] {
+            let failure = check_vertices(path, frames, vertices).unwrap_err();
+            assert_eq!((failure.exit, &failure.place[..]), (2, "out-strip.png"));
+            assert!(failure.what.starts_with(&format!("{frames} frames of {vertices} vertices")), "{}", failure.what);
+        }
+    }
+
+    #[test]
+    fn more_pixels_than_are_drawn_are_refused_by_number() {
+        let path = Path::new("out-film.png");
+        assert!(check_pixels(path, 1000, OF_ANIMATION.map(|side| side as usize)).is_ok());
+        assert!(check_pixels(path, DRAWN, [1, 1]).is_ok());
+        for (frames, size) in [(DRAWN + 1, [1, 1]), (36, [8192, 8192]), (usize::MAX, [2, 2])] {
+            let failure = check_pixels(path, frames, size).unwrap_err();
+            assert_eq!((failure.exit, &failure.place[..]), (2, "out-film.png"));
+            let [width, height] = size;
+            let expected = format!("{frames} frames of {width} × {height} pixels");
+            assert!(failure.what.starts_with(&expected), "{}", failure.what);
+        }
+    }
 
     #[test]
     fn a_step_is_what_it_adds_to_the_step_before() {

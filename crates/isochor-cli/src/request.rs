@@ -58,18 +58,17 @@ impl<'a> Requests<'a> {
         self.film.as_ref().map_or(0.0, |film| film.time(frame))
     }
 
-    /// What was asked for, as it was given: the text of the job file, or the command line.
+    /// What was asked for, as it was given: the text of the job file, the command line, or both where flags change the job.
     pub fn text(&self) -> Result<String, Failure> {
-        match &self.args.job {
-            Some(path) => files::text(path),
-            None => {
-                let words: Vec<_> = std::env::args_os().map(|word| word.to_string_lossy().into_owned()).collect();
-                Ok(words.join(" "))
-            }
-        }
+        let words = std::env::args_os().skip(1).map(|word| quoted(&word.to_string_lossy()));
+        let line = || std::iter::once("isochor".to_owned()).chain(words).collect::<Vec<_>>().join(" ");
+        let Some(path) = &self.args.job else { return Ok(line()) };
+        let text = files::text(path)?;
+        let is_changed = self.args.in_place || self.file_job(0)? != self.job(0)?;
+        Ok(if is_changed { format!("{}\n\n{text}", line()) } else { text })
     }
 
-    /// The request of `frame`. In a film, outputs have numbers.
+    /// The request of `frame`. In a film, outputs have numbers, and pictures that are not named are beside them.
     pub fn frame(&self, frame: usize) -> Result<Request, Failure> {
         let mut job = self.job(frame)?;
         if self.frames() == 1 {
@@ -82,28 +81,28 @@ impl<'a> Requests<'a> {
                 let what = "a film is reported as JSON";
                 return Err(Failure::file(path, what, "choose a name that ends in .json"));
             }
+            if let Some(output) = job.output.as_ref().filter(|_| job.view.film) {
+                job.picture.get_or_insert_with(|| beside(output, "strip"));
+                job.animation.get_or_insert_with(|| beside(output, "film"));
+            }
             let name = |path: &mut PathBuf| *path = numbered(path, frame + 1, self.frames());
             [&mut job.output, &mut job.save_controls].into_iter().flatten().for_each(name);
         }
         Request::from_job(job, self.args.job.as_deref(), self.args.in_place)
     }
 
-    /// The output as it was named, without a number.
-    pub fn output(&self) -> Result<Option<PathBuf>, Failure> {
-        Ok(self.job(0)?.output)
-    }
-
     /// The job of `frame`, as the file and the flags say.
     fn job(&self, frame: usize) -> Result<Job, Failure> {
-        let mut job = match (&self.film, &self.args.job) {
-            (Some(film), Some(path)) => {
-                let failed = |error: JobTextError| Failure::job_text(path, &error);
-                in_working_folder(film.job(frame).map_err(failed)?, path)
-            }
-            _ => Job::default(),
-        };
+        let mut job = self.file_job(frame)?;
         apply_flags(&mut job, self.args)?;
         Ok(job)
+    }
+
+    /// The job of `frame`, as the file says.
+    fn file_job(&self, frame: usize) -> Result<Job, Failure> {
+        let (Some(film), Some(path)) = (&self.film, &self.args.job) else { return Ok(Job::default()) };
+        let job = film.job(frame).map_err(|error: JobTextError| Failure::job_text(path, &error))?;
+        Ok(in_working_folder(job, path))
     }
 }
 
@@ -117,6 +116,23 @@ fn numbered(path: &Path, number: usize, of: usize) -> PathBuf {
         name.push(extension);
     }
     path.with_file_name(name)
+}
+
+/// `out.ply` → `out-ending.png`.
+fn beside(path: &Path, ending: &str) -> PathBuf {
+    let mut name = path.file_stem().unwrap_or_default().to_os_string();
+    name.push(format!("-{ending}.png"));
+    path.with_file_name(name)
+}
+
+/// A word as it is typed: in quotes where it would be several.
+fn quoted(word: &str) -> String {
+    let is_plain = |c: char| !c.is_whitespace() && !"'\"\\$&|;<>()*?#`".contains(c);
+    if !word.is_empty() && word.chars().all(is_plain) {
+        word.into()
+    } else {
+        format!("'{}'", word.replace('\'', r"'\''"))
+    }
 }
 
 impl Request {
@@ -436,6 +452,27 @@ mod tests {
             ("out", 7, 8, "out-0007"),
         ] {
             assert_eq!(numbered(Path::new(path), number, of), Path::new(expected));
+        }
+    }
+
+    #[test]
+    fn pictures_of_films_are_beside_the_models() {
+        for (path, expected) in [("out.ply", "out-strip.png"), ("a/b.c/x.y.obj", "a/b.c/x.y-strip.png")] {
+            assert_eq!(beside(Path::new(path), "strip"), Path::new(expected));
+        }
+    }
+
+    #[test]
+    fn words_are_quoted_as_a_shell_wants_them() {
+        for (word, expected) in [
+            ("z=90", "z=90"),
+            ("a b", "'a b'"),
+            ("", "''"),
+            ("it's", r"'it'\''s'"),
+            ("shape:cube?n=6", "'shape:cube?n=6'"),
+            ("twist = { axis = \"z\" }", "'twist = { axis = \"z\" }'"),
+        ] {
+            assert_eq!(quoted(word), expected);
         }
     }
 }

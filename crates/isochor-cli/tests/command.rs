@@ -2,12 +2,13 @@
 //!
 //! Models are those of `isochor demo`, so that nothing has to be there before.
 
-use std::collections::BTreeMap;
+use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 use std::process::{Command, Stdio};
 use std::sync::OnceLock;
 
+use base64::Engine as _;
 use glam::DVec3;
 use isochor::{Bounds, BuiltIn, Faces, Health, Mesh, Source, shapes, topology};
 use isochor_io::{Document, Format, NumberType};
@@ -1166,28 +1167,134 @@ fn precision_f64_writes_what_floats_cannot_hold() {
 
 // Pictures and pages
 
+/// Width, height and pixels of a PNG file.
+fn decoded(bytes: &[u8]) -> (usize, usize, Vec<[u8; 3]>) {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let frame = reader.next_frame(&mut pixels).unwrap();
+    assert_eq!((frame.color_type, frame.bit_depth), (png::ColorType::Rgb, png::BitDepth::Eight));
+    (frame.width as usize, frame.height as usize, pixels.as_chunks().0.to_vec())
+}
+
+/// Checks that a picture has so many poses of so many pixels, and that something is drawn of each.
+fn assert_shows(bytes: &[u8], poses: usize, [width, height]: [usize; 2]) {
+    let (wide, high, pixels) = decoded(bytes);
+    assert!((poses * width..poses * width + (poses + 1) * width / 8).contains(&wide), "{poses} poses: {wide} wide");
+    // Rows without anything in them are cut off, down to a quarter; captions and a scale are below.
+    assert!((height / 4..2 * height).contains(&high), "{high} high");
+    for pose in 0..poses {
+        let columns = pose * wide / poses..(pose + 1) * wide / poses;
+        let colors: BTreeSet<[u8; 3]> =
+            pixels.chunks(wide).flat_map(|row| row[columns.clone()].iter().copied()).collect();
+        assert!(colors.len() > 50, "pose {pose} has {} colours", colors.len());
+    }
+}
+
 #[test]
-fn pictures_and_pages_show_what_was_done() {
+fn a_picture_shows_the_model_at_rest_deformed_and_corrected() {
     let folder = Folder::new();
-    let flags =
-        "--twist z=90 --picture out.png --report out.html --color displacement --up y --view 30,10 --no-lattice";
-    let report = folder.report(&format!("cube.obj -o out.obj {flags}"));
+    // An identity is not drawn three times; a free pose has no correction.
+    for (line, poses) in [
+        ("ball.ply -o same.ply", 1),
+        ("ball.ply -o free.ply --twist z=90 --volume free", 2),
+        ("ball.ply -o out.ply --twist z=90", 3),
+        ("ball.ply -o out.obj --twist z=90", 3),
+        ("open.obj -o open-out.obj --twist z=30", 3),
+        ("shape:ring?n=12 -o ring-out.ply --bend x=90", 3),
+    ] {
+        let report = folder.report(line);
+        let drawn = folder.report(&format!("{line} --picture poses.png --size 260x200"));
+        assert_eq!(drawn["volume"], report["volume"], "{line}: drawing changes nothing");
+        assert_shows(&folder.bytes("poses.png"), poses, [260, 200]);
+    }
+    folder.report("ball.ply -o out.ply --twist z=90 --picture poses.PNG");
+    assert_shows(&folder.bytes("poses.PNG"), 3, [520, 520]);
+}
+
+#[test]
+fn models_without_a_body_are_drawn_too() {
+    let folder = Folder::new();
+    folder.write("square.obj", "v 0 0 0\nv 1 0 0\nv 1 1 0\nv 0 1 0\nf 1 2 3 4\n");
+    folder.write("points.obj", "v 0 0 0\nv 1 0 0\nv 0 1 0\nv 0 0 1\n");
+    folder.write("point.obj", "v 0 0 0\n");
+    for (line, poses) in [
+        ("square.obj -o out.obj --margin 0.1 --twist x=90 --volume free", 2),
+        ("points.obj -o out.obj --twist z=90 --volume free", 2),
+        ("point.obj -o out.obj --volume free", 1),
+    ] {
+        let report = folder.report(&format!("{line} --picture out.png --report out.html --size 130x130"));
+        assert_eq!(report["volume"]["target"], Value::Null, "{line}: {report}");
+        let (wide, ..) = decoded(&folder.bytes("out.png"));
+        assert!((130 * poses..160 * poses).contains(&wide), "{line}: {wide}");
+        assert!(folder.bytes("out.html").starts_with(b"<!DOCTYPE html>"));
+    }
+}
+
+#[test]
+fn every_flag_of_pictures_changes_them() {
+    let folder = Folder::new();
+    let picture = |flags: &str| {
+        folder.report(&format!("shape:bottle?n=16 -o out.ply --bend z=60,x --picture out.png --size 200x240 {flags}"));
+        folder.bytes("out.png")
+    };
+    let usual = picture("");
+    assert!(picture("") == usual && picture("--threads 1") == usual, "the same bytes for the same job");
+    assert!(picture("--color volume --up z --view -60,22") == usual, "these are the defaults");
+    let mut seen = BTreeSet::from([usual]);
+    for flags in [
+        "--color steps",
+        "--color displacement",
+        "--color plain",
+        "--up x",
+        "--up y",
+        "--view 30,10",
+        "--view 0,-90",
+        "--no-lattice",
+    ] {
+        assert!(seen.insert(picture(flags)), "{flags} changes nothing");
+    }
+    // Sections of a job file mean the same; flags win.
+    let view = "[view]\ncolor = \"displacement\"\nlattice = false\nup = \"y\"\nazimuth = 30\nelevation = 10\nsize = [200, 240]\n";
+    folder.write("view.toml", format!("picture = \"job.png\"\n{view}"));
+    folder.report("shape:bottle?n=16 -o out.ply --bend z=60,x --job view.toml");
+    let same = picture("--color displacement --no-lattice --up y --view 30,10");
+    assert!(folder.bytes("job.png") == same);
+    let other = picture("--job view.toml --color plain --up z --view -60,22");
+    assert!(other == picture("--color plain --no-lattice"));
+}
+
+#[test]
+fn a_report_page_holds_the_request_the_volume_and_the_picture() {
+    let folder = Folder::new();
+    let flags = "--twist z=90 --picture out.png --report out.html --size 200x200";
+    let report = folder.report(&format!("cube.obj -o out.obj {flags} --edit 'scale = {{ by = 1.1 }}'"));
     assert!(relative_error(&report) <= 1e-13, "{report}");
-    let png = folder.bytes("out.png");
-    assert_eq!(&png[..8], b"\x89PNG\r\n\x1a\n");
-    let side = |at: usize| u32::from_be_bytes(png[at..at + 4].try_into().unwrap());
-    assert!(side(16) > 3 * 500 && side(20) > 400, "three poses side by side: {} × {}", side(16), side(20));
     let page = String::from_utf8(folder.bytes("out.html")).unwrap();
     assert!(page.starts_with("<!DOCTYPE html>"), "{}", &page[..80]);
-    assert!(page.contains("--twist z=90") && page.contains("data:image/png;base64,"));
+    assert!(page.contains("isochor deform --json --quiet cube.obj -o out.obj --twist z=90"));
+    assert!(page.contains("--edit 'scale = { by = 1.1 }'"), "as it is typed");
+    assert!(page.contains(&format!("{:?}", number(&report, "final"))), "all digits of the final volume");
+    assert_eq!(pictures_of(&page), [folder.bytes("out.png")]);
 
-    // Without deformation there is one pose; without correction there are two.
-    for (line, poses) in [("ball.ply -o same.ply", 1), ("ball.ply -o free.ply --twist z=90 --volume free", 2)] {
-        folder.report(&format!("{line} --picture poses.png --color volume --size 540x400"));
-        let png = folder.bytes("poses.png");
-        let wide = u32::from_be_bytes(png[16..20].try_into().unwrap());
-        assert!((500 * poses..=600 * poses).contains(&wide), "{line}: {wide}");
-    }
+    // A picture is in it that nobody asked for by name, and the flags that were put over a job file.
+    let job = "# What a page shows.\nmodel = \"ball.ply\"\noutput = \"out.ply\"\nreport = \"job.html\"\nview.size = [150, 150]\n";
+    folder.write("job.toml", job);
+    let report = folder.report("--job job.toml --stretch z=0.5 --volume 110%");
+    let page = String::from_utf8(folder.bytes("job.html")).unwrap();
+    assert!(page.contains("# What a page shows.") && page.contains("--job job.toml --stretch z=0.5 --volume 110%"));
+    assert!(page.contains(&format!("{:?}", number(&report, "final"))));
+    assert!(
+        !page.contains("let the volume") && !page.contains("keep the volume"),
+        "words of the file alone would be wrong"
+    );
+    let [picture] = &pictures_of(&page)[..] else { panic!("one picture") };
+    assert_shows(picture, 3, [150, 150]);
+}
+
+/// The files of a page's embedded pictures.
+fn pictures_of(page: &str) -> Vec<Vec<u8>> {
+    let texts = page.split("data:image/png;base64,").skip(1).map(|rest| rest.split('"').next().unwrap());
+    texts.map(|text| base64::engine::general_purpose::STANDARD.decode(text).unwrap()).collect()
 }
 
 // Failures
@@ -1309,6 +1416,7 @@ fn bad_input_ends_with_2_and_writes_nothing() {
     folder.write("half.toml", "[preserve]\npreview = 0.5\n");
     folder.write("yes.toml", "[preserve]\npreview = true\n");
     folder.report("cube.obj -o unused.obj --lattice 4 --save-controls controls.json");
+    std::fs::copy(folder.path("controls.json"), folder.path("lattice.png")).unwrap();
     for (line, code, fragment) in [
         ("info nowhere.obj", "file", "nowhere.obj"),
         ("info cut.obj", "read", "line 3"),
@@ -1330,6 +1438,28 @@ fn bad_input_ends_with_2_and_writes_nothing() {
         ("deform cube.obj -o out.obj --twist z=90 --picture p.png --size 9x9", "usage", "pixels"),
         ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view 0,100", "usage", "-90 to 90"),
         ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view nan,0", "usage", "-60,22"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view 1,2,3", "usage", "-60,22"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view front", "usage", "\"front\""),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --view ''", "usage", "-60,22"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --size 100x9000", "usage", "64 to 8192"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --size=-100x100", "usage", "520x520"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --color red", "usage", "red"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.png --up w", "usage", "w"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture p.jpg", "file", ".png"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture png", "file", ".png"),
+        ("deform cube.obj -o out.obj --twist z=90 --picture nowhere/p.png", "file", "nowhere"),
+        ("deform cube.obj -o p.png --twist z=90 --picture p.png", "read", "'.png'"),
+        ("deform cube.obj -o out.obj --twist z=90 --report p.png --picture p.png", "file", ".json or .html"),
+        (
+            "deform cube.obj -o out.obj --lattice-file lattice.png --picture lattice.png",
+            "file",
+            "overwrite the lattice",
+        ),
+        (
+            "deform cube.obj -o out.obj --lattice-file lattice.png --picture ./lattice.png",
+            "file",
+            "overwrite the lattice",
+        ),
         ("deform cube.obj -o out.obj --twist z=90 --save-controls controls.txt", "file", ".json"),
         ("deform cube.obj -o out.obj --twist z=90 --report a.json --save-controls a.json", "file", "overwrite"),
         ("deform cube.obj -o out.obj --lattice-file controls.json --report controls.json", "file", "overwrite"),
@@ -1376,6 +1506,46 @@ fn bad_input_ends_with_2_and_writes_nothing() {
         ("man cube.obj", "file", "cube.obj"),
     ] {
         assert_fails(&folder, line, 2, code, fragment);
+    }
+}
+
+#[test]
+fn bad_views_of_jobs_are_named_by_their_key() {
+    let folder = Folder::new();
+    for (view, code, fragment) in [
+        ("azimuth = nan", "usage", "view.azimuth"),
+        ("azimuth = inf", "usage", "view.azimuth"),
+        ("elevation = 100", "usage", "from -90 to 90"),
+        ("elevation = nan", "usage", "view.elevation"),
+        ("milliseconds = 0", "usage", "view.milliseconds"),
+        ("milliseconds = 65536", "job", "line 2"),
+        ("size = [63, 100]", "usage", "64 to 8192"),
+        ("size = [100, 8193]", "usage", "64 to 8192"),
+        ("size = [100]", "job", "line 2"),
+        ("size = [-100, 100]", "job", "line 2"),
+        ("colour = \"plain\"", "job", "did you mean `color`?"),
+        ("color = \"volumes\"", "job", "did you mean `volume`?"),
+        ("up = \"-z\"", "job", "line 2"),
+    ] {
+        folder.write("job.toml", format!("[view]\n{view}\n"));
+        let line = "deform cube.obj -o out.obj --twist z=90 --job job.toml --picture p.png";
+        assert_fails(&folder, line, 2, code, fragment);
+    }
+    folder.write("job.toml", "pictures = \"p.png\"\n");
+    assert_fails(&folder, "deform cube.obj -o out.obj --job job.toml", 2, "job", "did you mean `picture`?");
+}
+
+#[cfg(unix)]
+#[test]
+fn a_picture_never_replaces_the_model_through_a_link() {
+    let folder = Folder::new();
+    for name in ["cube.obj", "job.toml", "out.obj"] {
+        folder.write("job.toml", "");
+        let _ = std::fs::remove_file(folder.path("p.png"));
+        std::os::unix::fs::symlink(folder.path(name), folder.path("p.png")).unwrap();
+        folder.write("out.obj", OPEN);
+        let line = "deform cube.obj -o out.obj --job job.toml --twist z=90 --picture p.png";
+        assert_fails(&folder, line, 2, "file", "the picture would overwrite");
     }
 }
 

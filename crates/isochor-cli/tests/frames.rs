@@ -207,14 +207,81 @@ fn example_films_run() {
     }
 }
 
-/// The number of frames of an animated PNG, and the milliseconds of the first.
-fn animation(bytes: &[u8]) -> (u32, u32) {
-    let after = |name: &[u8]| bytes.windows(4).position(|window| window == name).unwrap() + 4;
-    let number = |at: usize| u32::from_be_bytes(bytes[at..at + 4].try_into().unwrap());
-    let half = |at: usize| u32::from(u16::from_be_bytes(bytes[at..at + 2].try_into().unwrap()));
-    // Of `fcTL`: number, width, height, x and y of 4 bytes each, then the delay as a fraction of a second.
-    let delay = after(b"fcTL") + 20;
-    (number(after(b"acTL")), 1000 * half(delay) / half(delay + 2))
+/// Frames of an animated PNG, the milliseconds of each, and its width and height.
+fn animation(bytes: &[u8]) -> (u32, Vec<u32>, [u32; 2]) {
+    let mut reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+    let control = *reader.info().animation_control().expect("it is animated");
+    assert_eq!(control.num_plays, 0, "for ever");
+    let mut pixels = vec![0; reader.output_buffer_size().unwrap()];
+    let mut delays = Vec::new();
+    for _ in 0..control.num_frames {
+        reader.next_frame(&mut pixels).unwrap();
+        let frame = *reader.info().frame_control().unwrap();
+        delays.push(1000 * u32::from(frame.delay_num) / u32::from(frame.delay_den));
+    }
+    (control.num_frames, delays, [reader.info().width, reader.info().height])
+}
+
+/// Width and height of a PNG file of one image.
+fn image(bytes: &[u8]) -> [u32; 2] {
+    let reader = png::Decoder::new(std::io::Cursor::new(bytes)).read_info().unwrap();
+    assert!(reader.info().animation_control().is_none(), "it moves");
+    [reader.info().width, reader.info().height]
+}
+
+#[test]
+fn a_film_has_a_strip_and_an_animation_beside_its_models() {
+    let folder = Folder::with(&TWIST.replace("frames = 5", "frames = 5\nview.size = [100, 120]"));
+    folder.film("--job film.toml");
+    let [strip, film] = ["out-strip.png", "out-film.png"].map(|name| std::fs::read(folder.path(name)).unwrap());
+    let (frames, delays, [width, height]) = animation(&film);
+    assert_eq!((frames, delays), (5, vec![80; 5]));
+    assert!((100..130).contains(&width) && (40..240).contains(&height), "{width} × {height}");
+    // Five panels in rows of four: the fewest whose square is at least twice five.
+    let [width, height] = image(&strip);
+    assert!((400..500).contains(&width) && height > 2 * 40, "{width} × {height}");
+
+    let people = String::from_utf8(folder.isochor("deform --job film.toml").stderr).unwrap();
+    for name in ["out-strip.png", "out-film.png", "report.json"] {
+        assert_eq!(people.matches(&format!("wrote {name}\n")).count(), 1, "{people}");
+    }
+    assert!(std::fs::read(folder.path("out-film.png")).unwrap() == film, "the same bytes again");
+
+    // Relative to the folder of the job file, as its models are.
+    std::fs::create_dir(folder.path("sub")).unwrap();
+    std::fs::rename(folder.path("film.toml"), folder.path("sub/film.toml")).unwrap();
+    folder.film("--job sub/film.toml");
+    assert!(std::fs::read(folder.path("sub/out-strip.png")).unwrap() == strip);
+}
+
+#[test]
+fn films_that_are_too_large_to_draw_say_so_and_are_written_without() {
+    let long = TWIST.replace("frames = 5", "frames = 10000");
+    for (job, fragment) in [
+        (long.clone(), "10000 frames of 400 × 400 pixels"),
+        (TWIST.replace("frames = 5", "frames = 36\nview.size = [8192, 4096]"), "36 frames of 8192 × 4096 pixels"),
+        (
+            TWIST
+                .replace("frames = 5", "frames = 5\nview.film = false\nview.size = [8192, 8192]\npicture = \"p.png\"")
+                .replace("frames = 5", "frames = 12"),
+            "12 frames of 8192 × 8192 pixels",
+        ),
+        // 6 · 30² + 2 vertices.
+        (
+            long.replace("n=6", "n=30").replace("frames", "view.size = [64, 64]\nframes"),
+            "10000 frames of 5402 vertices",
+        ),
+    ] {
+        let folder = Folder::with(&job);
+        let (code, error) = folder.failure("--job film.toml");
+        assert_eq!((code, &error["code"]), (Some(2), &"file".into()), "{error}");
+        assert!(error["what"].as_str().unwrap().starts_with(fragment), "{fragment}: {error}");
+        assert!(error["hint"].as_str().unwrap().contains("film = false"), "{error}");
+        assert_eq!(folder.names(), ["film.toml"]);
+    }
+    let folder = Folder::with(&TWIST.replace("frames = 5", "frames = 5\nview.film = false\nview.size = [8192, 8192]"));
+    folder.film("--job film.toml");
+    assert_eq!(folder.names().len(), 7, "nothing is drawn, so nothing is too large");
 }
 
 #[test]
@@ -225,7 +292,9 @@ fn films_are_drawn_where_they_say_or_not_at_all() {
     folder.film("--job film.toml");
     let names = folder.names();
     assert!(names.contains(&"some.png".into()) && names.contains(&"all.png".into()) && names.len() == 9, "{names:?}");
-    assert_eq!(animation(&std::fs::read(folder.path("all.png")).unwrap()), (5, 120));
+    let (frames, delays, _) = animation(&std::fs::read(folder.path("all.png")).unwrap());
+    assert_eq!((frames, delays), (5, vec![120; 5]));
+    image(&std::fs::read(folder.path("some.png")).unwrap());
 
     let folder = Folder::with(&TWIST.replace("frames = 5", "frames = 5\nview.film = false"));
     folder.film("--job film.toml");
@@ -236,7 +305,13 @@ fn films_are_drawn_where_they_say_or_not_at_all() {
     for (flags, fragment) in [
         ("--report film.html", "reported as JSON"),
         ("--animation film.gif", "written as PNG"),
-        ("--picture out-film.png", "overwrite the animation"),
+        ("--picture film.jpg", "written as PNG"),
+        ("--picture out-film.png", "the animation would overwrite the picture"),
+        ("--picture ./out-film.png", "the animation would overwrite the picture"),
+        ("--animation out-strip.png", "the animation would overwrite the picture"),
+        ("--picture p.png --animation ./p.png", "the animation would overwrite the picture"),
+        ("--lattice-file out-strip.png", "the picture would overwrite the lattice file"),
+        ("--lattice-file ./out-film.png", "the animation would overwrite the lattice file"),
     ] {
         let folder = Folder::with(TWIST);
         let (code, error) = folder.failure(&format!("--job film.toml {flags}"));
