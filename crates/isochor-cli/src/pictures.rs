@@ -4,7 +4,8 @@ use std::path::{Path, PathBuf};
 
 use isochor::{ColorBy, Faces, Mesh, Outcome, ViewRequest};
 use isochor_view::{
-    Coloring, PictureOptions, Show, ShownLattice, ShownPose, StripOptions, View, animated_png, frames, picture, strip,
+    Coloring, MAX_SIDE, PictureOptions, Show, ShownLattice, ShownPose, StripOptions, View, animated_png, frames,
+    picture, strip,
 };
 
 use crate::failure::Failure;
@@ -119,7 +120,9 @@ impl FilmPictures {
         if let Some(path) = &self.strip {
             let shown = IN_STRIP.min(self.frames);
             let chosen = (0..shown).map(|k| k * (self.frames - 1) / (shown - 1).max(1)).collect();
-            let options = StripOptions { picture: options(view, OF_STRIP), chosen: Some(chosen), columns: None };
+            let picture = options(view, OF_STRIP);
+            let columns = fitting_columns(picture.panel[0]);
+            let options = StripOptions { picture, chosen: Some(chosen), columns };
             pending.add(path, &strip(&show, &options).png())?;
         }
         if let Some(path) = &self.animation {
@@ -130,6 +133,13 @@ impl FilmPictures {
         }
         Ok(())
     }
+}
+
+/// Panels of this width in a row of a strip, where the usual five would be wider than an image can be.
+fn fitting_columns(width: usize) -> Option<usize> {
+    // With the gaps between them: a thirtieth of a wide panel each, and two at the ends.
+    let fitting = MAX_SIDE / (width + width / 16);
+    (fitting < 5).then_some(fitting)
 }
 
 /// Refuses pictures of more vertices than are kept.

@@ -255,6 +255,16 @@ fn a_film_has_a_strip_and_an_animation_beside_its_models() {
 }
 
 #[test]
+fn strips_of_wide_panels_have_fewer_in_a_row() {
+    let wide = "frames = 12\npicture = \"strip.png\"\nview = { film = false, size = [8192, 64] }";
+    let folder = Folder::with(&TWIST.replace("frames = 5", wide));
+    folder.film("--job film.toml");
+    let [width, height] = image(&std::fs::read(folder.path("strip.png")).unwrap());
+    // Three in a row, none of them cut off; an image has at most 32,768 pixels across.
+    assert!((3 * 8192..32_768).contains(&width) && height > 4 * 16, "{width} × {height}");
+}
+
+#[test]
 fn films_that_are_too_large_to_draw_say_so_and_are_written_without() {
     let long = TWIST.replace("frames = 5", "frames = 10000");
     for (job, fragment) in [

@@ -32,7 +32,7 @@ const VIEWER: &str = include_str!("viewer/viewer.min.js");
 pub struct Page<'a> {
     /// Its title, such as the model's name.
     pub title: String,
-    /// The request as it was given: a job file's text, or the command line.
+    /// The request as it was given: a job file's text, the command line, or both.
     pub job: Option<String>,
     /// What was done.
     pub report: &'a Report,
