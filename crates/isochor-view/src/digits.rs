@@ -2,14 +2,13 @@
 
 use maud::{Markup, html};
 
+use crate::number::{NO_CHANGE, with_minus, with_power};
+
 /// Significant digits that are shown. More: columns that nobody reads; fewer: a change of 0.01 % does not show.
 const SHOWN: usize = 6;
 
 /// Numbers from here on, and from its inverse down, are written with an exponent: as many digits as fit a column.
 const LARGE: f64 = 1e7;
-
-/// A relative change below this is rounding, and shows as none.
-const NO_CHANGE: f64 = 1e-12;
 
 /// `value` in six digits, zeros at the end too, so that columns line up; all digits in the tooltip.
 pub fn number(value: f64) -> Markup {
@@ -23,7 +22,7 @@ pub fn short_number(value: f64) -> Markup {
 
 /// A relative error, of which only the size matters.
 pub fn size(value: f64) -> Markup {
-    let text = if value == 0.0 { "0".into() } else { superscript(&format!("{value:.1e}")) };
+    let text = if value == 0.0 { "0".into() } else { with_power(&format!("{value:.1e}")) };
     with_tooltip(value, &text)
 }
 
@@ -42,8 +41,8 @@ pub fn signed_percent(percent: f64) -> String {
     let text = match percent.abs() {
         size if size <= 100.0 * NO_CHANGE => "±0".into(),
         // Three decimals would show nothing, or too much.
-        size if !(0.001..1e5).contains(&size) => superscript(&format!("{percent:+.1e}")),
-        _ => minus(&format!("{percent:+.3}")),
+        size if !(0.001..1e5).contains(&size) => with_power(&format!("{percent:+.1e}")),
+        _ => with_minus(&format!("{percent:+.3}")),
     };
     text + "\u{202f}%"
 }
@@ -69,36 +68,18 @@ pub fn significant(value: f64) -> String {
 fn six_digits(value: f64) -> String {
     let size = value.abs();
     if value == 0.0 || !value.is_finite() {
-        return minus(&value.to_string());
+        return with_minus(&value.to_string());
     }
     if !(1.0 / LARGE..LARGE).contains(&size) {
-        return superscript(&format!("{value:.*e}", SHOWN - 1));
+        return with_power(&format!("{value:.*e}", SHOWN - 1));
     }
     let whole = size.log10().floor() as i32 + 1;
     let places = (SHOWN as i32 - whole).max(0) as usize;
-    minus(&format!("{value:.places$}"))
+    with_minus(&format!("{value:.places$}"))
 }
 
 fn with_tooltip(value: f64, text: &str) -> Markup {
     html! { span title=(format!("{value:?}")) { (text) } }
-}
-
-/// `1.5e-3` as 1.5·10⁻³.
-fn superscript(text: &str) -> String {
-    let Some((mantissa, exponent)) = text.split_once('e') else { return minus(text) };
-    let raised = |c: char| match c {
-        '-' => '⁻',
-        '1' => '¹',
-        '2' => '²',
-        '3' => '³',
-        digit => char::from_u32(0x2070 + digit.to_digit(10).unwrap_or(0)).unwrap_or(digit),
-    };
-    format!("{}·10{}", minus(mantissa), exponent.chars().map(raised).collect::<String>())
-}
-
-/// With a minus as long as a plus.
-fn minus(text: &str) -> String {
-    text.replace('-', "−")
 }
 
 #[cfg(test)]

@@ -61,7 +61,12 @@ impl Legend<'_> {
             image.fill([start - 1, high - 1], [end + 1, low + 1], self.frame);
             image.fill([start, high], [end, low], NO_VALUE);
             let beside = [end as f32 + line * 0.3, (high + low) as f32 / 2.0 - line / 2.0];
-            self.lettering.write(image, "no value", beside);
+            let meaning = match self.scale.quantity() {
+                // A piece whose volume changed by a negative factor has no logarithm.
+                Quantity::VolumeChange => "inside out",
+                Quantity::Displacement => "no value",
+            };
+            self.lettering.write(image, meaning, beside);
         }
     }
 }

@@ -4,20 +4,19 @@
 const DIGITS: usize = 4;
 
 /// A relative change below this is rounding, and shows as none.
-const NO_CHANGE: f64 = 1e-12;
+pub(crate) const NO_CHANGE: f64 = 1e-12;
 
 /// `value` with four digits that count, such as "0.04175" or "1.235·10⁶".
 pub(crate) fn short(value: f64) -> String {
     if value == 0.0 || !value.is_finite() {
-        return with_minus(value.to_string());
+        return with_minus(&value.to_string());
     }
     let scientific = format!("{value:.*e}", DIGITS - 1);
-    let (digits, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
-    match exponent.parse::<i32>() {
-        Ok(exponent @ -3..=5) => {
-            with_minus(format!("{value:.*}", usize::try_from(DIGITS as i32 - 1 - exponent).unwrap_or(0)))
+    match exponent(&scientific) {
+        exponent @ -3..=5 => {
+            with_minus(&format!("{value:.*}", usize::try_from(DIGITS as i32 - 1 - exponent).unwrap_or(0)))
         }
-        _ => format!("{}·10{}", with_minus(digits.into()), raised(exponent)),
+        _ => with_power(&scientific),
     }
 }
 
@@ -29,12 +28,8 @@ pub(crate) fn change(value: f64, reference: f64) -> Option<String> {
         c if !c.is_finite() => None,
         c if c <= NO_CHANGE => Some("±0 %".into()),
         // Two decimals would show nothing.
-        c if !(5e-5..1e4).contains(&c) => {
-            let scientific = format!("{:+.1e}", change * 100.0);
-            let (digits, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
-            Some(format!("{}·10{} %", with_minus(digits.into()), raised(exponent)))
-        }
-        _ => Some(with_minus(format!("{:+.2} %", change * 100.0))),
+        c if !(5e-5..1e4).contains(&c) => Some(with_power(&format!("{:+.1e}", change * 100.0)) + " %"),
+        _ => Some(with_minus(&format!("{:+.2} %", change * 100.0))),
     }
 }
 
@@ -50,33 +45,38 @@ pub(crate) fn signed_percent(percent: f64) -> String {
 
 /// Up to six digits, no zeros behind them.
 fn plain(value: f64) -> String {
-    let digits_before = format!("{value:e}").split_once('e').and_then(|(_, e)| e.parse::<i32>().ok()).unwrap_or(0);
-    if !(-6..=6).contains(&digits_before) {
-        let scientific = format!("{value:e}");
-        let (digits, exponent) = scientific.split_once('e').unwrap_or((&scientific, "0"));
-        return format!("{}·10{}", with_minus(digits.into()), raised(exponent));
+    let scientific = format!("{value:e}");
+    let exponent = exponent(&scientific);
+    if !(-6..=6).contains(&exponent) {
+        return with_power(&scientific);
     }
-    let decimals = usize::try_from(5 - digits_before).unwrap_or(0);
+    let decimals = usize::try_from(5 - exponent).unwrap_or(0);
     let text = format!("{value:.decimals$}");
     let text = if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text };
-    with_minus(if text == "-0" { "0".into() } else { text })
+    if text == "-0" { "0".into() } else { with_minus(&text) }
 }
 
-fn with_minus(text: String) -> String {
-    text.replace('-', "\u{2212}")
+/// The power of ten of a number in scientific notation; 0 of what is none.
+fn exponent(scientific: &str) -> i32 {
+    scientific.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or(0)
 }
 
-fn raised(exponent: &str) -> String {
-    let digit = |c: char| match c {
+/// `1.5e-3` as 1.5·10⁻³; other texts with a minus as long as a plus.
+pub(crate) fn with_power(text: &str) -> String {
+    let Some((digits, exponent)) = text.split_once('e') else { return with_minus(text) };
+    let raised = |c: char| match c {
         '-' => '⁻',
         '1' => '¹',
         '2' => '²',
         '3' => '³',
-        '0' => '⁰',
-        '4'..='9' => char::from_u32('⁴' as u32 + c as u32 - '4' as u32).unwrap_or(c),
-        _ => c,
+        digit => digit.to_digit(10).and_then(|digit| char::from_u32(0x2070 + digit)).unwrap_or(digit),
     };
-    exponent.chars().map(digit).collect()
+    format!("{}·10{}", with_minus(digits), exponent.chars().map(raised).collect::<String>())
+}
+
+/// With a minus as long as a plus.
+pub(crate) fn with_minus(text: &str) -> String {
+    text.replace('-', "\u{2212}")
 }
 
 #[cfg(test)]

@@ -673,7 +673,7 @@ pub(crate) struct State {
     pub(crate) vertices: Arc<Array>,
     /// Its volumes.
     pub(crate) volumes: Volumes,
-    /// That of the only goal, where it is known.
+    /// How the volume depends on the controls there, where it is known: with the whole body as the only goal, at the pose itself.
     pub(crate) slope: Option<Arc<Slope>>,
     pub(crate) steps: usize,
 }

@@ -1,10 +1,9 @@
-//! Sweeps over the triangles of a body, eight at a time.
+//! Sweeps over the triangles of a body: the sums that volumes and their gradients are made of.
 //!
-//! Corners are scattered in memory, sums are not. So triangles are taken in batches: their corners are brought together once, coordinate by
-//! coordinate, and all that is wanted of them is computed there, packed.
-//!
-//! Products that must not lose anything are taken in doubled precision ([`crate::double`]); all others are plain, without fused
-//! multiply-adds, so that bits do not depend on the processor.
+//! `Σ det(p_l, p_m, p_n)` is six times the volume, HB (5); `Σ (p_b − p_v) × (p_c − p_v)` at a vertex v is six times its gradient there, what
+//! HB (10)–(12) multiply by Wᵀ ([`crate::volume`] has both in full). Determinants cancel, so they are summed in doubled precision
+//! ([`crate::double`]), eight at a time: the corners of a batch of triangles are brought together once, coordinate by coordinate. All
+//! other sums are plain, without fused multiply-adds, so that bits do not depend on the processor.
 
 use fearless_simd::f64x8;
 use fearless_simd::prelude::*;
