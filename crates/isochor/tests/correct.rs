@@ -333,7 +333,7 @@ proptest! {
         let posed = Posed::random(&mut random);
         let mobility = random.mobility(posed.binding.control_count());
         let d = if seed.is_multiple_of(2) { DVec3::AXES[random.below(3)] } else { random.vector().normalize() };
-        let a = (change - 1.0) * posed.volume;
+        let a = change * posed.volume - posed.volume; // exact, as the deficit is
         // Moving by δ along d costs Σ_c (δ d_c)²/m_c = δ²/m.
         let along = |m: &DVec3| {
             let pairs = m.to_array().into_iter().zip(d.to_array()).filter(|(_, d)| *d != 0.0);
@@ -420,6 +420,8 @@ proptest! {
 
     #[test]
     fn corrections_follow_rotation_translation_scale_and_mirroring(seed: u64, change in 0.7..1.4f64, scale in -3.0..3.0f64) {
+        // Rotated coordinates are rounded, and so is their volume: of a deficit of 1e-5, 1e-10 is left certain.
+        prop_assume!((change - 1.0).abs() > 1e-5);
         let mut random = Random(seed);
         let posed = Posed::random(&mut random);
         // One mobility for all coordinates of a control: then nothing but the model itself has directions.
