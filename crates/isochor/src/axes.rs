@@ -16,12 +16,14 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
-use crate::correct::{CorrectError, Problem, Reason, Slope, State, Step};
+use crate::binding::moved;
+use crate::correct::{CorrectError, Problem, Reason, Slope, State};
 use crate::goals::Gradients;
 use crate::metric::{AxisMetric, Factors, Metric};
 use crate::parallel;
 use crate::points::point_rows;
 use crate::rows::{Missed, Rows, dot, norm};
+use crate::spare::Array;
 use crate::tolerances;
 
 /// A direction to correct along.
@@ -134,7 +136,7 @@ pub(crate) fn corrected(
                 let surface = here.get_or_insert_with(|| surface_of(&state));
                 surface.pull(problem, axis, k, &points);
                 surface.take(k, &delta, &mut open);
-                state = state.after(&step_of(problem, axis, &delta));
+                state = moved_along(problem, &state, axis, &delta);
                 here = None;
                 if let Some(trace) = &mut trace {
                     trace.push(Taken::Points { axis: k });
@@ -157,7 +159,7 @@ pub(crate) fn corrected(
             let delta = axis.metric.displacement(&z);
             surface.take(k, &delta, &mut open);
             part.iter().for_each(|goal| open[*goal] = left[*goal] * deficits[*goal]);
-            let after = state.after(&step_of(problem, axis, &delta));
+            let after = moved_along(problem, &state, axis, &delta);
             let before = Box::new(std::mem::replace(&mut state, after));
             here = None;
             if let Some(trace) = &mut trace {
@@ -173,12 +175,14 @@ pub(crate) fn corrected(
         let points = AxisPoints::of(problem, &state, axes)?;
         for (k, axis) in axes.iter().enumerate() {
             if let Some(delta) = points.delta(problem, &state, axis, k)? {
-                state = state.after(&step_of(problem, axis, &delta));
+                state = moved_along(problem, &state, axis, &delta);
             }
         }
     }
     if let Some(goal) = (0..goals).find(|goal| open[*goal] != 0.0 && !problem.is_within_rounding(*goal, open[*goal])) {
-        let spread = surface_of(&state).spread[goal];
+        let mut surface = surface_of(&state);
+        surface.pull(problem, &axes[0], 0, &points);
+        let spread = surface.spread[goal];
         if !(spread * spread).is_finite() {
             return Err(problem.impossible(Some(goal), Reason::Overflow));
         }
@@ -202,7 +206,7 @@ pub(crate) fn corrected(
         };
         let changes: Vec<f64> = part.iter().map(|goal| deficits[*goal]).collect();
         let (z, _) = rows.least(problem.binding.control_count(), &changes);
-        Some(state.after(&step_of(problem, &axes[k], &axes[k].metric.displacement(&z))))
+        Some(moved_along(problem, state, &axes[k], &axes[k].metric.displacement(&z)))
     }))
 }
 
@@ -241,12 +245,18 @@ impl Plan {
     }
 }
 
-/// What displacements `delta` (#controls) along an axis do.
-fn step_of(problem: &Problem, axis: &Axis, delta: &[f64]) -> Step {
-    let shift = problem.binding.apply_scalar(delta);
+/// `state` after displacements `delta` (#controls) along an axis, its volumes not yet measured.
+fn moved_along(problem: &Problem, state: &State, axis: &Axis, delta: &[f64]) -> State {
     let mut vertices = problem.spare.array();
-    parallel::fill(vertices.memory(), shift.len(), |v| axis.direction * shift[v]);
-    Step { controls: delta.iter().map(|d| axis.direction * *d).collect(), vertices }
+    let finish = |v: usize, shift: f64| moved(state.vertices[v], axis.direction * shift);
+    problem.binding.product(delta, vertices.memory(), finish);
+    State {
+        displacement: state.displacement.iter().zip(delta).map(|(d, by)| moved(*d, axis.direction * *by)).collect(),
+        vertices: Arc::new(vertices),
+        volumes: state.volumes.clone(),
+        slope: None,
+        steps: state.steps + 1,
+    }
 }
 
 /// How much a volume depends on an axis.
@@ -262,7 +272,7 @@ enum Strength {
 /// How the volumes depend on the surface as it stands.
 struct Surface<'a> {
     slopes: Slopes<'a>,
-    /// Σ |∂V/∂p|₁ of each.
+    /// Σ |∂V/∂p|₁ of each, once an axis was asked for.
     spread: Vec<f64>,
     /// How they depend on displacements along each axis, once that was asked for.
     pulls: Vec<Option<Pulls>>,
@@ -272,6 +282,8 @@ struct Surface<'a> {
 enum Slopes<'a> {
     /// ∇V of the only goal.
     Known(Arc<Slope>),
+    /// The only goal is the whole body, at these vertices: each axis is a sweep.
+    OfWhole(Arc<Array>),
     /// ∂V/∂P of each goal.
     OfVertices(Gradients<'a>),
 }
@@ -290,6 +302,7 @@ impl<'a> Surface<'a> {
     fn of(problem: &'a Problem, state: &State, axes: usize) -> Self {
         let (slopes, spread) = match &state.slope {
             Some(slope) => (Slopes::Known(Arc::clone(slope)), vec![slope.spread]),
+            None if problem.is_swept() => (Slopes::OfWhole(Arc::clone(&state.vertices)), Vec::new()),
             None => {
                 let gradients = problem.gradients(state);
                 let spread_of = |goal| gradients.spread_and_rough_volume(goal, &state.vertices).0;
@@ -306,10 +319,17 @@ impl<'a> Surface<'a> {
             return;
         }
         // HB (10)–(12)
-        let alphas: Vec<Vec<f64>> = parallel::map(problem.goals.len(), |goal| match &self.slopes {
-            Slopes::Known(slope) => slope.controls.iter().map(|c| c.dot(axis.direction)).collect(),
-            Slopes::OfVertices(gradients) => gradients.adjoint_along(goal, problem.binding, axis.direction),
-        });
+        let alphas: Vec<Vec<f64>> = match &self.slopes {
+            Slopes::Known(slope) => vec![slope.controls.iter().map(|c| c.dot(axis.direction)).collect()],
+            Slopes::OfWhole(vertices) => {
+                let (alpha, spread) = problem.slope_along(vertices, axis.direction);
+                self.spread = vec![spread];
+                vec![alpha]
+            }
+            Slopes::OfVertices(gradients) => parallel::map(problem.goals.len(), |goal| {
+                gradients.adjoint_along(goal, problem.binding, axis.direction)
+            }),
+        };
         let pulled = |alpha: &Vec<f64>| {
             let mut pulled = axis.metric.pulled(alpha);
             if let Some(rows) = &points.rows[k] {

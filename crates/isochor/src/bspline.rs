@@ -167,7 +167,7 @@ impl Basis {
     pub fn row(&self, u: f64, values: &mut [f64]) -> usize {
         let inside = u.clamp(0.0, 1.0);
         let span = self.span(inside);
-        self.functions(span, inside, self.degree, values);
+        self.functions(span, |_| inside, self.degree, values);
         if u != inside {
             let mut slopes = vec![0.0; self.degree + 1];
             self.derivatives(span, inside, &mut slopes);
@@ -190,6 +190,14 @@ impl Basis {
         span - self.degree
     }
 
+    /// The polar forms of the functions that do not vanish in the span from `from` on, into `values`; returns the index of the first.
+    /// `argument(1)`, … `argument(degree)` are the polar forms' arguments: with all of them u it is [`Basis::row`] at u.
+    pub(crate) fn polar_row(&self, from: f64, argument: impl Fn(usize) -> f64, values: &mut [f64]) -> usize {
+        let span = self.span(from);
+        self.functions(span, argument, self.degree, values);
+        span - self.degree
+    }
+
     /// The index i with `knots[i] ≤ u < knots[i + 1]`, u in the domain; its last non-empty span at u = 1.
     fn span(&self, u: f64) -> usize {
         let domain = &self.knots[self.degree..=self.size()];
@@ -198,13 +206,13 @@ impl Basis {
         self.degree + after.min(last) - 1
     }
 
-    /// Piegl and Tiller, A2.2: the functions of degree `degree` over knot span `span`.
-    fn functions(&self, span: usize, u: f64, degree: usize, values: &mut [f64]) {
+    /// Piegl and Tiller, A2.2: the functions of degree `degree` over knot span `span`; step j of the recurrence is taken at `argument(j)`.
+    fn functions(&self, span: usize, argument: impl Fn(usize) -> f64, degree: usize, values: &mut [f64]) {
         assert_eq!(values.len(), degree + 1, "one value for each function that does not vanish");
         let t = &self.knots;
         values[0] = 1.0;
         for j in 1..=degree {
-            let mut saved = 0.0;
+            let (u, mut saved) = (argument(j), 0.0);
             for r in 0..j {
                 let (right, left) = (t[span + r + 1] - u, u - t[span + 1 + r - j]);
                 let share = values[r] / (t[span + r + 1] - t[span + 1 + r - j]);
@@ -219,7 +227,7 @@ impl Basis {
     fn derivatives(&self, span: usize, u: f64, slopes: &mut [f64]) {
         assert_eq!(slopes.len(), self.degree + 1, "one slope for each function that does not vanish");
         let (p, t) = (self.degree, &self.knots);
-        self.functions(span, u, p - 1, &mut slopes[..p]);
+        self.functions(span, |_| u, p - 1, &mut slopes[..p]);
         let mut saved = 0.0;
         for (r, slope) in slopes.iter_mut().enumerate() {
             let i = span - p + r;

@@ -23,6 +23,7 @@
 //! - Impossible requests are found before anything moves, and named.
 
 use std::borrow::Cow;
+use std::ops::Range;
 use std::sync::Arc;
 
 use glam::DVec3;
@@ -696,19 +697,41 @@ pub(crate) struct Slope {
 }
 
 impl Slope {
-    /// Of the whole body at a pose, with its volumes: one sweep for both. `None` where that cannot be, or takes too much memory.
+    /// Of the whole body at a pose, with its volumes: one sweep for both. `None` where that cannot be.
     fn with_volumes(solid: &Solid, binding: &Binding, points: &[DVec3]) -> Option<(Volumes, Self)> {
-        // Partial sums, one per chunk of vertices, take no more memory than the vertices themselves.
-        if binding.control_count() > parallel::CHUNK {
-            return None;
+        let of_part = |vertices, g: &[DVec3]| SlopePart::of(binding, points, vertices, g);
+        let (volumes, parts) = is_swept(solid, binding).then(|| solid.survey(points, of_part))?;
+        Some((volumes, SlopePart::whole(binding, parts)))
+    }
+}
+
+/// Whether the slope of the whole body can be had in one sweep that keeps no gradient: a body without caps, which share out their parts of
+/// it last, and controls so few that partial sums, one per chunk of vertices, take no more memory than the vertices.
+fn is_swept(solid: &Solid, binding: &Binding) -> bool {
+    solid.cap_count() == 0 && binding.control_count() <= parallel::CHUNK
+}
+
+/// What some vertices are of a [`Slope`].
+struct SlopePart {
+    controls: Vec<DVec3>,
+    spread_and_products: [f64; 2],
+}
+
+impl SlopePart {
+    fn of(binding: &Binding, points: &[DVec3], vertices: Range<usize>, g: &[DVec3]) -> Self {
+        let first = vertices.start;
+        let spread_and_products = spread_and_products(g, &points[vertices.clone()]);
+        Self { controls: binding.part_of_transposed(vertices, |v| g[v - first]), spread_and_products }
+    }
+
+    fn whole(binding: &Binding, parts: Vec<Self>) -> Slope {
+        let [mut spread, mut products] = [0.0; 2];
+        for part in &parts {
+            spread += part.spread_and_products[0];
+            products += part.spread_and_products[1];
         }
-        let (volumes, parts) = solid.survey(points, |vertices, g| {
-            let sums = spread_and_products(g, &points[vertices.clone()]);
-            (sums, binding.part_of_adjoint(vertices, g))
-        })?;
-        let (sums, parts): (Vec<[f64; 2]>, Vec<Vec<DVec3>>) = parts.into_iter().unzip();
-        let [spread, products] = sums.iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]]);
-        Some((volumes, Self { controls: binding.sum_of_parts(parts), spread, rough_volume: products / 3.0 }))
+        let controls = binding.sum_of_parts(parts.into_iter().map(|part| part.controls));
+        Slope { controls, spread, rough_volume: products / 3.0 }
     }
 }
 
@@ -959,15 +982,37 @@ impl<'a> Problem<'a> {
         if let Some(slope) = &state.slope {
             return vec![Slope::clone(slope)];
         }
-        let gradients = self.gradients(state);
-        parallel::map(self.goals.len(), |goal| {
-            let mut controls = gradients.adjoint(goal, self.binding);
-            if let Some(tilt) = &self.tilt {
-                controls.iter_mut().zip(&tilt.slope[goal]).for_each(|(c, s)| *c += *s);
-            }
-            let (spread, rough_volume) = gradients.spread_and_rough_volume(goal, &state.vertices);
-            Slope { controls, spread, rough_volume }
-        })
+        let mut slopes = if self.is_swept() {
+            let points = &state.vertices;
+            let of_part = |vertices, g: &[DVec3]| SlopePart::of(self.binding, points, vertices, g);
+            vec![SlopePart::whole(self.binding, self.solid.slope_survey(points, of_part))]
+        } else {
+            let gradients = self.gradients(state);
+            parallel::map(self.goals.len(), |goal| {
+                let (spread, rough_volume) = gradients.spread_and_rough_volume(goal, &state.vertices);
+                Slope { controls: gradients.adjoint(goal, self.binding), spread, rough_volume }
+            })
+        };
+        for (slope, of_tilt) in slopes.iter_mut().zip(self.tilt.iter().flat_map(|tilt| &tilt.slope)) {
+            slope.controls.iter_mut().zip(of_tilt).for_each(|(c, s)| *c += *s);
+        }
+        slopes
+    }
+
+    /// Whether the whole body is the only goal and its slope can be had in one sweep.
+    pub(crate) fn is_swept(&self) -> bool {
+        self.goals.is_whole() && is_swept(self.solid, self.binding)
+    }
+
+    /// ∇V along `direction` (#controls) of the whole body with these vertices, and Σ |∂V/∂p|₁, where [`Problem::is_swept`].
+    pub(crate) fn slope_along(&self, points: &[DVec3], direction: DVec3) -> (Vec<f64>, f64) {
+        let parts = self.solid.slope_survey(points, |vertices, g| {
+            let first = vertices.start;
+            let spread = g.iter().fold(DVec3::ZERO, |sum, g| sum + g.abs()).element_sum();
+            (self.binding.part_of_transposed(vertices, |v| g[v - first].dot(direction)), spread)
+        });
+        let spread = parts.iter().map(|part| part.1).sum();
+        (self.binding.sum_of_parts(parts.into_iter().map(|part| part.0)), spread)
     }
 
     /// The slopes in the metric.

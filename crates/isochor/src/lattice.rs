@@ -239,19 +239,9 @@ impl Lattice {
                 return Err(LatticeError::Outside { count, vertex, parameters: self.parameters(points[vertex]) });
             }
         }
-        let lengths = [0, 1, 2].map(|a| self.bases[a].degree() + 1);
-        Ok(Binding::from_tensor_rows(points.len(), self.size(), lengths, |v, rows| {
+        Ok(Binding::of_bases(points.len(), &self.bases, |v| {
             let parameters = self.parameters(points[v]);
-            if outside == Outside::Keep && !self.is_inside(parameters) {
-                return None;
-            }
-            let (along_u, rest) = rows.split_at_mut(lengths[0]);
-            let (along_v, along_w) = rest.split_at_mut(lengths[1]);
-            Some([
-                self.bases[0].row(parameters.x, along_u),
-                self.bases[1].row(parameters.y, along_v),
-                self.bases[2].row(parameters.z, along_w),
-            ])
+            (outside != Outside::Keep || self.is_inside(parameters)).then_some(parameters)
         }))
     }
 

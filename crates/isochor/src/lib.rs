@@ -99,6 +99,7 @@ mod nearest;
 mod order;
 mod outcome;
 mod parallel;
+mod pieces;
 mod points;
 mod posed;
 mod preview;

@@ -72,15 +72,17 @@ pub(crate) fn map_parts<T: Send, R: Send>(
     out.chunks_mut(chunk).enumerate().map(|(c, part)| f(c * chunk, part)).collect()
 }
 
-/// Calls `f(i, &mut a[i], &mut b[i · stride..(i + 1) · stride])` for every i.
-pub(crate) fn for_each_pair<A: Send, B: Send>(
+/// Calls `f(first, parts)` for the parts of equal indices of four arrays of one length.
+pub(crate) fn for_each_chunk_of_four<A: Send, B: Send>(
     a: &mut [A],
-    b: &mut [B],
-    stride: usize,
-    f: impl Fn(usize, &mut A, &mut [B]) + Send + Sync,
+    [b, c, d]: &mut [Vec<B>; 3],
+    f: impl Fn(usize, &mut [A], [&mut [B]; 3]) + Send + Sync,
 ) {
     #[cfg(feature = "rayon")]
-    a.par_iter_mut().zip(b.par_chunks_mut(stride)).with_min_len(CHUNK).enumerate().for_each(|(i, (a, b))| f(i, a, b));
-    #[cfg(not(feature = "rayon"))]
-    a.iter_mut().zip(b.chunks_mut(stride)).enumerate().for_each(|(i, (a, b))| f(i, a, b));
+    if a.len() > CHUNK {
+        let rest = b.par_chunks_mut(CHUNK).zip(c.par_chunks_mut(CHUNK)).zip(d.par_chunks_mut(CHUNK));
+        let all = a.par_chunks_mut(CHUNK).zip(rest).enumerate();
+        return all.for_each(|(k, (a, ((b, c), d)))| f(k * CHUNK, a, [b, c, d]));
+    }
+    f(0, a, [b, c, d]);
 }

@@ -365,33 +365,61 @@ impl Solid {
     }
 
     /// The volumes of the pose `points` and, of the gradient of their sum, what `of_part(vertices, g)` makes of its fixed parts while they
-    /// are near the processor, in order; `None` where there are caps, which share out their parts of the gradient last.
+    /// are near the processor, in order. Without what caps share out: there must be none.
     pub(crate) fn survey<R: Send>(
         &self,
         points: &[DVec3],
         of_part: impl Fn(Range<usize>, &[DVec3]) -> R + Send + Sync,
-    ) -> Option<(Volumes, Vec<R>)> {
-        if !self.caps.is_empty() {
-            return None;
-        }
-        let points = self.near_with_apexes(points);
+    ) -> (Volumes, Vec<R>) {
         let level = Level::new();
-        let of_parts = parallel::map_chunks(self.vertices, PART, |part| {
-            let mut sums = vec![DVec3::ZERO; part.len()];
-            let mut determinants = Vec::new();
-            for (component, run) in self.runs(part.start / PART) {
-                let (triangles, first) = (&self.triangles, part.start);
-                let sum = dispatch!(level, simd => match is_fused(simd) {
-                    true => sweep::add_area_vectors::<_, true>(simd, triangles, run, &points, first, &mut sums),
-                    false => sweep::add_area_vectors::<_, false>(simd, triangles, run, &points, first, &mut sums),
-                });
-                determinants.push((component, sum));
-            }
-            sums.iter_mut().for_each(|sum| *sum *= SIXTH);
-            (determinants, of_part(part, &sums))
-        });
+        let of_parts = self.gradient_parts(
+            points,
+            |points, part, sums| {
+                let mut determinants = Vec::new();
+                for (component, run) in self.runs(part.start / PART) {
+                    let (triangles, first) = (&self.triangles, part.start);
+                    let sum = dispatch!(level, simd => match is_fused(simd) {
+                        true => sweep::add_area_vectors::<_, true>(simd, triangles, run, points, first, sums),
+                        false => sweep::add_area_vectors::<_, false>(simd, triangles, run, points, first, sums),
+                    });
+                    determinants.push((component, sum));
+                }
+                determinants
+            },
+            |determinants, part, g| (determinants, of_part(part, g)),
+        );
         let (determinants, of_parts): (Vec<_>, Vec<R>) = of_parts.into_iter().unzip();
-        Some((self.volumes_of(determinants.into_iter().flatten()), of_parts))
+        (self.volumes_of(determinants.into_iter().flatten()), of_parts)
+    }
+
+    /// [`Solid::survey`] without the volumes.
+    pub(crate) fn slope_survey<R: Send>(
+        &self,
+        points: &[DVec3],
+        of_part: impl Fn(Range<usize>, &[DVec3]) -> R + Send + Sync,
+    ) -> Vec<R> {
+        let add = |points: &[DVec3], part: &Range<usize>, sums: &mut [DVec3]| {
+            self.add_to_part(part.start, None, sums, |t| doubled_area_vector(t, points));
+        };
+        self.gradient_parts(points, add, |(), part, g| of_part(part, g))
+    }
+
+    /// For each part of the vertices `finish(what add returns, part, g)`, g the part's share of the volume's gradient: `add(points, part, sums)`
+    /// adds to `sums` six times as much.
+    fn gradient_parts<A, R: Send>(
+        &self,
+        points: &[DVec3],
+        add: impl Fn(&[DVec3], &Range<usize>, &mut [DVec3]) -> A + Send + Sync,
+        finish: impl Fn(A, Range<usize>, &[DVec3]) -> R + Send + Sync,
+    ) -> Vec<R> {
+        debug_assert!(self.caps.is_empty(), "a body without caps");
+        let points = self.near_with_apexes(points);
+        parallel::map_chunks(self.vertices, PART, |part| {
+            let mut sums = vec![DVec3::ZERO; part.len()];
+            let added = add(&points, &part, &mut sums);
+            sums.iter_mut().for_each(|sum| *sum *= SIXTH);
+            finish(added, part, &sums)
+        })
     }
 
     /// The triangles that touch part `part` of the vertices, component by component.
@@ -475,20 +503,32 @@ impl Solid {
         parallel::resize(sums, self.vertices);
         parallel::for_each_chunk(sums, PART, |first, sums| {
             sums.fill(DVec3::ZERO);
-            for (component, run) in self.runs(first / PART) {
-                let weight = weights.map_or(1.0, |w| w[component]);
-                for triangle in run.iter().map(|t| self.triangles[*t as usize]) {
-                    let vector = of_triangle(triangle) * weight;
-                    for v in triangle {
-                        if let Some(sum) = sums.get_mut((v as usize).wrapping_sub(first)) {
-                            *sum += vector;
-                        }
-                    }
-                }
-            }
+            self.add_to_part(first, weights, sums, &of_triangle);
             sums.iter_mut().for_each(|sum| *sum *= SIXTH);
         });
         self.share_of_caps(weights, sums, of_triangle);
+    }
+
+    /// Adds to `sums`, those of the vertices from `first` on, the sums over the triangles at each.
+    #[inline]
+    fn add_to_part(
+        &self,
+        first: usize,
+        weights: Option<&[f64]>,
+        sums: &mut [DVec3],
+        of_triangle: impl Fn([u32; 3]) -> DVec3,
+    ) {
+        for (component, run) in self.runs(first / PART) {
+            let weight = weights.map_or(1.0, |w| w[component]);
+            for triangle in run.iter().map(|t| self.triangles[*t as usize]) {
+                let vector = of_triangle(triangle) * weight;
+                for v in triangle {
+                    if let Some(sum) = sums.get_mut((v as usize).wrapping_sub(first)) {
+                        *sum += vector;
+                    }
+                }
+            }
+        }
     }
 
     /// `a₂` and `a₃` of the cubic `V(x + t d) = V + a₁ t + a₂ t² + a₃ t³`, the volume of some components along a straight way of the vertices
