@@ -10,6 +10,7 @@ use glam::DVec3;
 
 use crate::binding::Binding;
 use crate::mesh::Bounds;
+use crate::order;
 use crate::parallel;
 use crate::spare::Array;
 use crate::volume::Solid;
@@ -35,10 +36,15 @@ impl Coarse {
             return None;
         }
         let (cluster_of, representatives) = clusters(posed)?;
+        // In the order of lattice cells, as products with the binding like it.
+        let binding = binding.rows_of(&representatives);
+        let order = binding.cell_order();
+        let places = order::places(&order);
+        let cluster_of = parallel::collect(cluster_of.len(), |v| places[cluster_of[v] as usize]);
         Some(Self {
             solid: solid.clustered(&cluster_of, representatives.len()),
-            binding: binding.rows_of(&representatives),
-            posed: Arc::new(Array::of(representatives.iter().map(|v| posed[*v as usize]).collect())),
+            binding: binding.rows_of(&order),
+            posed: Arc::new(Array::of(order.iter().map(|c| posed[representatives[*c as usize] as usize]).collect())),
         })
     }
 }

@@ -5,8 +5,8 @@
 //! ([`crate::double`]), eight at a time: the corners of a batch of triangles are brought together once, coordinate by coordinate. All
 //! other sums are plain, without fused multiply-adds, so that bits do not depend on the processor.
 
-use fearless_simd::f64x8;
 use fearless_simd::prelude::*;
+use fearless_simd::{f64x4, f64x8};
 use glam::DVec3;
 
 use crate::double::{Double, Lanes};
@@ -31,16 +31,15 @@ impl Corners {
         Self([[[0.0; BATCH]; 3]; 3])
     }
 
-    /// Puts triangle `i` of the batch there and returns its corners.
+    /// Puts triangle `i` of the batch there.
     #[inline(always)]
-    fn set(&mut self, i: usize, [l, m, n]: [u32; 3], points: &[DVec3]) -> [DVec3; 3] {
+    fn set(&mut self, i: usize, [l, m, n]: [u32; 3], points: &[DVec3]) {
         let triangle = [points[l as usize], points[m as usize], points[n as usize]];
         for (corner, p) in self.0.iter_mut().zip(triangle) {
             corner[0][i] = p.x;
             corner[1][i] = p.y;
             corner[2][i] = p.z;
         }
-        triangle
     }
 
     /// Corner `k` of the eight triangles from `first` on.
@@ -104,17 +103,71 @@ pub(crate) fn determinants<S: Simd, const FUSED: bool>(simd: S, triangles: &[[u3
     sum.total()
 }
 
-/// Adds to `sums`, those of the vertices from `first` on, twice the area vectors of the triangles of `list` at each.
-///
-/// Returns `Σ det(p_l, p_m, p_n)` in doubled precision over those triangles whose first corner is among these vertices.
+/// A sum of vectors, as z, x, y and a number without meaning: packed cross products come in this order.
+pub(crate) type PackedSum = [f64; 4];
+
+/// The vector of a packed sum.
 #[inline(always)]
-pub(crate) fn add_area_vectors<S: Simd, const FUSED: bool>(
+pub(crate) fn unpacked([z, x, y, _]: PackedSum) -> DVec3 {
+    DVec3::new(x, y, z)
+}
+
+/// x, y, z, 0
+#[inline(always)]
+fn packed<S: Simd>(simd: S, p: &DVec3) -> f64x4<S> {
+    f64x4::from_slice(simd, &[p.x, p.y, p.z, 0.0])
+}
+
+/// y, z, x, y
+#[inline(always)]
+fn rotated<S: Simd>(v: f64x4<S>) -> f64x4<S> {
+    let (low, high) = v.split();
+    low.slide::<1>(high).combine(low)
+}
+
+/// [`doubled_area_vector`], packed as z, x, y.
+#[inline(always)]
+fn packed_area_vector<S: Simd>(simd: S, [a, b, c]: [u32; 3], points: &[DVec3]) -> f64x4<S> {
+    let a = packed(simd, &points[a as usize]);
+    let (b, c) = (packed(simd, &points[b as usize]) - a, packed(simd, &points[c as usize]) - a);
+    b * rotated(c) - rotated(b) * c
+}
+
+/// Adds a vector to the sums of those corners of a triangle that are among the vertices from `first` on.
+#[inline(always)]
+fn add_at_corners<S: Simd>(simd: S, triangle: [u32; 3], vector: f64x4<S>, first: usize, sums: &mut [PackedSum]) {
+    for v in triangle {
+        if let Some(sum) = sums.get_mut((v as usize).wrapping_sub(first)) {
+            (f64x4::from_slice(simd, sum) + vector).store_slice(sum);
+        }
+    }
+}
+
+/// Adds to `sums`, those of the vertices from `first` on, twice the area vectors of the triangles of `list` at each.
+#[inline(always)]
+pub(crate) fn add_area_vectors<S: Simd>(
     simd: S,
     triangles: &[[u32; 3]],
     list: &[u32],
     points: &[DVec3],
     first: usize,
-    sums: &mut [DVec3],
+    sums: &mut [PackedSum],
+) {
+    for t in list {
+        let triangle = triangles[*t as usize];
+        add_at_corners(simd, triangle, packed_area_vector(simd, triangle, points), first, sums);
+    }
+}
+
+/// [`add_area_vectors`]; returns `Σ det(p_l, p_m, p_n)` in doubled precision over those triangles whose first corner is among these vertices.
+#[inline(always)]
+pub(crate) fn add_area_vectors_and_determinants<S: Simd, const FUSED: bool>(
+    simd: S,
+    triangles: &[[u32; 3]],
+    list: &[u32],
+    points: &[DVec3],
+    first: usize,
+    sums: &mut [PackedSum],
 ) -> Double {
     let mut sum = Lanes::zero(simd);
     let mut corners = Corners::zero();
@@ -122,14 +175,9 @@ pub(crate) fn add_area_vectors<S: Simd, const FUSED: bool>(
     for list in list.chunks(BATCH) {
         for (i, t) in list.iter().enumerate() {
             let triangle = triangles[*t as usize];
-            let vector = doubled_area_vector(corners.set(i, triangle, points));
-            let place = |v: u32| (v as usize).wrapping_sub(first);
-            own[i] = f64::from(u8::from(place(triangle[0]) < sums.len()));
-            for v in triangle {
-                if let Some(sum) = sums.get_mut(place(v)) {
-                    *sum += vector;
-                }
-            }
+            corners.set(i, triangle, points);
+            own[i] = f64::from(u8::from((triangle[0] as usize).wrapping_sub(first) < sums.len()));
+            add_at_corners(simd, triangle, packed_area_vector(simd, triangle, points), first, sums);
         }
         own[list.len()..].fill(0.0);
         for at in (0..list.len()).step_by(WIDTH) {

@@ -29,7 +29,7 @@ use crate::double::{Double, is_fused};
 use crate::mesh::{Bounds, Mesh, fan};
 use crate::order;
 use crate::parallel;
-use crate::sweep;
+use crate::sweep::{self, PackedSum};
 use crate::tolerances;
 use crate::topology::{DisjointSets, Topology};
 
@@ -372,22 +372,18 @@ impl Solid {
         of_part: impl Fn(Range<usize>, &[DVec3]) -> R + Send + Sync,
     ) -> (Volumes, Vec<R>) {
         let level = Level::new();
-        let of_parts = self.gradient_parts(
-            points,
-            |points, part, sums| {
-                let mut determinants = Vec::new();
-                for (component, run) in self.runs(part.start / PART) {
-                    let (triangles, first) = (&self.triangles, part.start);
-                    let sum = dispatch!(level, simd => match is_fused(simd) {
-                        true => sweep::add_area_vectors::<_, true>(simd, triangles, run, points, first, sums),
-                        false => sweep::add_area_vectors::<_, false>(simd, triangles, run, points, first, sums),
-                    });
-                    determinants.push((component, sum));
-                }
-                determinants
-            },
-            |determinants, part, g| (determinants, of_part(part, g)),
-        );
+        let add = |points: &[DVec3], first: usize, sums: &mut [PackedSum]| {
+            let (triangles, runs) = (&self.triangles[..], self.runs(first / PART));
+            let determinants = runs.map(|(component, run)| {
+                let sum = dispatch!(level, simd => match is_fused(simd) {
+                    true => sweep::add_area_vectors_and_determinants::<_, true>(simd, triangles, run, points, first, sums),
+                    false => sweep::add_area_vectors_and_determinants::<_, false>(simd, triangles, run, points, first, sums),
+                });
+                (component, sum)
+            });
+            determinants.collect::<Vec<_>>()
+        };
+        let of_parts = self.gradient_parts(points, add, |determinants, part, g| (determinants, of_part(part, g)));
         let (determinants, of_parts): (Vec<_>, Vec<R>) = of_parts.into_iter().unzip();
         (self.volumes_of(determinants.into_iter().flatten()), of_parts)
     }
@@ -398,33 +394,40 @@ impl Solid {
         points: &[DVec3],
         of_part: impl Fn(Range<usize>, &[DVec3]) -> R + Send + Sync,
     ) -> Vec<R> {
-        let add = |points: &[DVec3], part: &Range<usize>, sums: &mut [DVec3]| {
-            self.add_to_part(part.start, None, sums, |t| doubled_area_vector(t, points));
+        let level = Level::new();
+        let add = |points: &[DVec3], first: usize, sums: &mut [PackedSum]| {
+            let list = self.triangles_at(first / PART);
+            dispatch!(level, simd => sweep::add_area_vectors(simd, &self.triangles, list, points, first, sums));
         };
         self.gradient_parts(points, add, |(), part, g| of_part(part, g))
     }
 
-    /// For each part of the vertices `finish(what add returns, part, g)`, g the part's share of the volume's gradient: `add(points, part, sums)`
-    /// adds to `sums` six times as much.
+    /// For each part of the vertices `finish(what add returns, part, g)`, g the part's share of the volume's gradient: `add(points, first,
+    /// sums)` adds six times as much to the sums of the part's vertices, which are those from `first` on.
     fn gradient_parts<A, R: Send>(
         &self,
         points: &[DVec3],
-        add: impl Fn(&[DVec3], &Range<usize>, &mut [DVec3]) -> A + Send + Sync,
+        add: impl Fn(&[DVec3], usize, &mut [PackedSum]) -> A + Send + Sync,
         finish: impl Fn(A, Range<usize>, &[DVec3]) -> R + Send + Sync,
     ) -> Vec<R> {
         debug_assert!(self.caps.is_empty(), "a body without caps");
         let points = self.near_with_apexes(points);
         parallel::map_chunks(self.vertices, PART, |part| {
-            let mut sums = vec![DVec3::ZERO; part.len()];
-            let added = add(&points, &part, &mut sums);
-            sums.iter_mut().for_each(|sum| *sum *= SIXTH);
-            finish(added, part, &sums)
+            let mut sums = vec![PackedSum::default(); part.len()];
+            let added = add(&points, part.start, &mut sums);
+            let gradient: Vec<DVec3> = sums.into_iter().map(|sum| sweep::unpacked(sum) * SIXTH).collect();
+            finish(added, part, &gradient)
         })
     }
 
-    /// The triangles that touch part `part` of the vertices, component by component.
+    /// The triangles that touch part `part` of the vertices, ascending.
+    fn triangles_at(&self, part: usize) -> &[u32] {
+        &self.touching[self.part_starts[part] as usize..self.part_starts[part + 1] as usize]
+    }
+
+    /// The same, component by component.
     fn runs(&self, part: usize) -> impl Iterator<Item = (usize, &[u32])> {
-        let mut rest = &self.touching[self.part_starts[part] as usize..self.part_starts[part + 1] as usize];
+        let mut rest = self.triangles_at(part);
         std::iter::from_fn(move || {
             let first = *rest.first()? as usize;
             let component = self.components.partition_point(|range| range.end <= first);
@@ -503,32 +506,20 @@ impl Solid {
         parallel::resize(sums, self.vertices);
         parallel::for_each_chunk(sums, PART, |first, sums| {
             sums.fill(DVec3::ZERO);
-            self.add_to_part(first, weights, sums, &of_triangle);
-            sums.iter_mut().for_each(|sum| *sum *= SIXTH);
-        });
-        self.share_of_caps(weights, sums, of_triangle);
-    }
-
-    /// Adds to `sums`, those of the vertices from `first` on, the sums over the triangles at each.
-    #[inline]
-    fn add_to_part(
-        &self,
-        first: usize,
-        weights: Option<&[f64]>,
-        sums: &mut [DVec3],
-        of_triangle: impl Fn([u32; 3]) -> DVec3,
-    ) {
-        for (component, run) in self.runs(first / PART) {
-            let weight = weights.map_or(1.0, |w| w[component]);
-            for triangle in run.iter().map(|t| self.triangles[*t as usize]) {
-                let vector = of_triangle(triangle) * weight;
-                for v in triangle {
-                    if let Some(sum) = sums.get_mut((v as usize).wrapping_sub(first)) {
-                        *sum += vector;
+            for (component, run) in self.runs(first / PART) {
+                let weight = weights.map_or(1.0, |w| w[component]);
+                for triangle in run.iter().map(|t| self.triangles[*t as usize]) {
+                    let vector = of_triangle(triangle) * weight;
+                    for v in triangle {
+                        if let Some(sum) = sums.get_mut((v as usize).wrapping_sub(first)) {
+                            *sum += vector;
+                        }
                     }
                 }
             }
-        }
+            sums.iter_mut().for_each(|sum| *sum *= SIXTH);
+        });
+        self.share_of_caps(weights, sums, of_triangle);
     }
 
     /// `a₂` and `a₃` of the cubic `V(x + t d) = V + a₁ t + a₂ t² + a₃ t³`, the volume of some components along a straight way of the vertices
