@@ -1,7 +1,8 @@
-//! Tells the tests where the folder of reference models is, if it is there.
+//! Tells the tests where the folder of reference models is, if it is there, and whether there is an emulator of other processors.
 //!
-//! It is named by `ISOCHOR_SHARED` or stands beside the checkout as `shared`. It is not part of the repository; tests that
-//! need it carry `#[cfg_attr(not(isochor_shared), ignore = …)]`, so that without it they are reported as ignored.
+//! The folder is named by `ISOCHOR_SHARED` or stands beside the checkout as `shared`. It is not part of the repository; tests that
+//! need it carry `#[cfg_attr(not(isochor_shared), ignore = …)]`, so that without it they are reported as ignored. The emulator is
+//! `qemu-x86_64` on the path, for tests with `isochor_qemu`; one that is installed later is found when this file is touched.
 
 use std::path::{Path, PathBuf};
 
@@ -23,5 +24,10 @@ fn main() {
             println!("cargo::warning=ISOCHOR_SHARED is set, but {} is no file", manifest.display());
         }
         _ => {}
+    }
+    println!("cargo::rustc-check-cfg=cfg(isochor_qemu)");
+    let path = std::env::var_os("PATH").unwrap_or_default();
+    if cfg!(target_arch = "x86_64") && std::env::split_paths(&path).any(|folder| folder.join("qemu-x86_64").is_file()) {
+        println!("cargo::rustc-cfg=isochor_qemu");
     }
 }

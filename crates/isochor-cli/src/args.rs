@@ -119,6 +119,9 @@ pub struct DeformArgs {
     /// Number type of the written coordinates.
     #[arg(long, value_enum)]
     pub precision: Option<PrecisionArg>,
+    /// Give the result the same bits on every processor. It takes a little longer; the number of threads never matters.
+    #[arg(long)]
+    pub portable_bits: bool,
 
     /// Draw the model at rest, deformed and corrected to a .png file; of a film, frames side by side.
     #[arg(long, value_name = "FILE", help_heading = "Pictures")]

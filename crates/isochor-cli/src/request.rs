@@ -286,6 +286,7 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
         Some(PrecisionArg::F64) => job.precision = Precision::F64,
         None => {}
     }
+    job.portable_bits |= args.portable_bits;
     apply_view_flags(job, args)?;
     apply_lattice_flags(job, args)?;
     for (flag, text) in &args.edits_in_order {

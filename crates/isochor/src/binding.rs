@@ -14,7 +14,8 @@
 //! Vertices that follow one another in the same cell are a *run*. Cubic rows have a fast path: the 4 × 4 × 4 controls of a run are
 //! brought together once, and eight vertices are taken at a time. [`Binding::cell_order`] is the order with the longest runs.
 //!
-//! Bits do not depend on the number of threads. They may depend on the processor: where it has fused multiply-adds these are used.
+//! Bits do not depend on the number of threads. They may depend on the processor: where it has fused multiply-adds these are used, unless
+//! [`Binding::portable`] forbids it.
 
 use std::ops::{AddAssign, Mul, Range};
 use std::sync::Arc;
@@ -40,6 +41,7 @@ pub struct Binding {
     /// Where in them, along u, v, w (#vertices each).
     local: [Vec<f64>; 3],
     kept: usize,
+    is_portable: bool,
 }
 
 /// No cell.
@@ -127,7 +129,14 @@ impl Binding {
             }
         });
         let kept = cells.iter().filter(|cell| **cell == KEPT).count();
-        Self { size: bases.each_ref().map(Basis::size), pieces: Arc::new(pieces), cells, local, kept }
+        Self {
+            size: bases.each_ref().map(Basis::size),
+            pieces: Arc::new(pieces),
+            cells,
+            local,
+            kept,
+            is_portable: false,
+        }
     }
 
     /// The rows of `vertices` alone, in that order: the binding of fewer vertices to the same controls.
@@ -140,7 +149,20 @@ impl Binding {
         let cells = parallel::collect(vertices.len(), |i| self.cells[vertices[i] as usize]);
         let local = self.local.each_ref().map(|of| parallel::collect(vertices.len(), |i| of[vertices[i] as usize]));
         let kept = cells.iter().filter(|cell| **cell == KEPT).count();
-        Self { size: self.size, pieces: Arc::clone(&self.pieces), cells, local, kept }
+        Self { size: self.size, pieces: Arc::clone(&self.pieces), cells, local, kept, is_portable: self.is_portable }
+    }
+
+    /// This binding without fused multiply-adds: products with it, and corrections by it, have the same bits on every processor. They take
+    /// a little longer.
+    #[must_use]
+    pub fn portable(self) -> Self {
+        Self { is_portable: true, ..self }
+    }
+
+    /// Whether products have the same bits on every processor.
+    #[must_use]
+    pub fn is_portable(&self) -> bool {
+        self.is_portable
     }
 
     /// Number of vertices: rows of W.
@@ -382,7 +404,10 @@ impl Binding {
             let planes: [Vec<f64>; D] = std::array::from_fn(|x| c.iter().map(|c| c.coordinates()[x]).collect());
             let level = Level::new();
             parallel::for_each_chunk(out, parallel::CHUNK, |first, out| {
-                dispatch!(level, simd => self.cubic_product(simd, &planes, first, out, &finish));
+                dispatch!(level, simd => match self.is_portable {
+                    false => self.cubic_product::<_, T, U, D, true>(simd, &planes, first, out, &finish),
+                    true => self.cubic_product::<_, T, U, D, false>(simd, &planes, first, out, &finish),
+                });
             });
             return;
         }
@@ -403,7 +428,7 @@ impl Binding {
     }
 
     #[inline(always)]
-    fn cubic_product<S: Simd, T: Entry<D>, U, const D: usize>(
+    fn cubic_product<S: Simd, T: Entry<D>, U, const D: usize, const FUSED: bool>(
         &self,
         simd: S,
         planes: &[Vec<f64>; D],
@@ -425,7 +450,7 @@ impl Binding {
                 let polynomials = self.polynomials(simd, &cell, v);
                 let mut sums = [[0.0; LANES]; D];
                 for x in 0..D {
-                    blended(simd, &polynomials, &controls[x]).store_slice(&mut sums[x]);
+                    blended::<S, FUSED>(simd, &polynomials, &controls[x]).store_slice(&mut sums[x]);
                 }
                 for lane in 0..count {
                     let mut coordinates = [0.0; D];
@@ -524,7 +549,10 @@ impl Binding {
         g: impl Fn(usize) -> T,
     ) -> Vec<T> {
         if self.is_cubic() {
-            return dispatch!(Level::new(), simd => self.cubic_transposed_product(simd, vertices, &g));
+            return dispatch!(Level::new(), simd => match self.is_portable {
+                false => self.cubic_transposed_product::<_, T, D, true>(simd, vertices, &g),
+                true => self.cubic_transposed_product::<_, T, D, false>(simd, vertices, &g),
+            });
         }
         let mut sum = vec![T::default(); self.control_count()];
         let mut scratch = Vec::new();
@@ -555,7 +583,7 @@ impl Binding {
     }
 
     #[inline(always)]
-    fn cubic_transposed_product<S: Simd, T: Entry<D>, const D: usize>(
+    fn cubic_transposed_product<S: Simd, T: Entry<D>, const D: usize, const FUSED: bool>(
         &self,
         simd: S,
         vertices: Range<usize>,
@@ -579,7 +607,7 @@ impl Binding {
                         if first + lane < count { g(v + first + lane) } else { T::default() }
                     });
                 }
-                batch.add_to(simd, count, &mut sums);
+                batch.add_to::<S, FUSED>(simd, count, &mut sums);
                 v += count;
             }
             self.add_sums(&cell, &sums, &mut planes);
@@ -652,7 +680,7 @@ impl<const D: usize> Batch<D> {
 
     /// Adds `Σ u_a v_b w_c g_x` of the first `count` vertices to `sums[x][c][4a + b]`.
     #[inline(always)]
-    fn add_to<S: Simd>(&self, simd: S, count: usize, sums: &mut [[[f64; 16]; 4]; D]) {
+    fn add_to<S: Simd, const FUSED: bool>(&self, simd: S, count: usize, sums: &mut [[[f64; 16]; 4]; D]) {
         for x in 0..D {
             // Two at a time: eight packed sums, as many as are needed to keep the processor busy.
             for c in [0, 2] {
@@ -662,10 +690,10 @@ impl<const D: usize> Batch<D> {
                 for ((uv, even), odd) in self.uv[..count].iter().zip(even).zip(odd) {
                     let (low, high) = (f64x8::from_slice(simd, &uv[..LANES]), f64x8::from_slice(simd, &uv[LANES..]));
                     let (even, odd) = (f64x8::splat(simd, *even), f64x8::splat(simd, *odd));
-                    even_low = low.mul_add(even, even_low);
-                    even_high = high.mul_add(even, even_high);
-                    odd_low = low.mul_add(odd, odd_low);
-                    odd_high = high.mul_add(odd, odd_high);
+                    even_low = times_plus::<S, FUSED>(low, even, even_low);
+                    even_high = times_plus::<S, FUSED>(high, even, even_high);
+                    odd_low = times_plus::<S, FUSED>(low, odd, odd_low);
+                    odd_high = times_plus::<S, FUSED>(high, odd, odd_high);
                 }
                 for (c, low, high) in [(c, even_low, even_high), (c + 1, odd_low, odd_high)] {
                     let (sum_low, sum_high) = sums[x][c].split_at_mut(LANES);
@@ -677,20 +705,26 @@ impl<const D: usize> Batch<D> {
     }
 }
 
+/// `a b + c`, with one rounding where the processor can and `FUSED` allows it.
+#[inline(always)]
+fn times_plus<S: Simd, const FUSED: bool>(a: f64x8<S>, b: f64x8<S>, c: f64x8<S>) -> f64x8<S> {
+    if FUSED { a.mul_add(b, c) } else { a * b + c }
+}
+
 /// `Σ u_a v_b w_c · controls[4a + b][c]` of eight vertices.
 #[inline(always)]
-fn blended<S: Simd>(simd: S, [u, v, w]: &[Four<S>; 3], controls: &[[f64; 4]; 16]) -> f64x8<S> {
+fn blended<S: Simd, const FUSED: bool>(simd: S, [u, v, w]: &[Four<S>; 3], controls: &[[f64; 4]; 16]) -> f64x8<S> {
     let mut sum = f64x8::splat(simd, 0.0);
     for a in 0..4 {
         let mut of_plane = f64x8::splat(simd, 0.0);
         for b in 0..4 {
             let [c0, c1, c2, c3] = controls[4 * a + b];
-            let line = w[1].mul_add(f64x8::splat(simd, c1), w[0] * c0);
-            let line = w[2].mul_add(f64x8::splat(simd, c2), line);
-            let line = w[3].mul_add(f64x8::splat(simd, c3), line);
-            of_plane = v[b].mul_add(line, of_plane);
+            let line = times_plus::<S, FUSED>(w[1], f64x8::splat(simd, c1), w[0] * c0);
+            let line = times_plus::<S, FUSED>(w[2], f64x8::splat(simd, c2), line);
+            let line = times_plus::<S, FUSED>(w[3], f64x8::splat(simd, c3), line);
+            of_plane = times_plus::<S, FUSED>(v[b], line, of_plane);
         }
-        sum = u[a].mul_add(of_plane, sum);
+        sum = times_plus::<S, FUSED>(u[a], of_plane, sum);
     }
     sum
 }
@@ -757,21 +791,35 @@ mod tests {
     use super::*;
     use crate::{Basis, Frame, Lattice, Outside};
 
+    fn lattice_of_216() -> Lattice {
+        let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|a| 2.5 * a);
+        let frame = Frame { origin: DVec3::splat(-1.25), axes };
+        Lattice::new([0; 3].map(|_| Basis::uniform(6, 3).unwrap()), frame).unwrap()
+    }
+
+    /// W c and Wᵀ g on the processor's lowest level.
+    fn at_baseline<const FUSED: bool>(binding: &Binding, c: &[DVec3], g: &[DVec3]) -> (Vec<DVec3>, Vec<DVec3>) {
+        let planes = [0, 1, 2].map(|x| c.iter().map(|c| c[x]).collect());
+        let mut apply = vec![DVec3::ZERO; g.len()];
+        let level = Level::baseline();
+        let same = |_, d: DVec3| d;
+        dispatch!(level, simd => binding.cubic_product::<_, _, _, 3, FUSED>(simd, &planes, 0, &mut apply, same));
+        let all = 0..g.len();
+        let adjoint = dispatch!(level, simd => binding.cubic_transposed_product::<_, _, 3, FUSED>(simd, all, |v| g[v]));
+        (apply, adjoint)
+    }
+
     #[test]
     fn products_are_the_same_to_rounding_on_processors_of_every_level() {
         let points = crate::shapes::icosphere(3).points().to_vec();
-        let axes = [DVec3::X, DVec3::Y, DVec3::Z].map(|a| 2.5 * a);
-        let lattice =
-            Lattice::new([0; 3].map(|_| Basis::uniform(6, 3).unwrap()), Frame { origin: DVec3::splat(-1.25), axes });
-        let binding = lattice.unwrap().bind(&points, Outside::Refuse).unwrap();
+        let binding = lattice_of_216().bind(&points, Outside::Refuse).unwrap();
         let c: Vec<DVec3> = (0..216).map(|i| DVec3::new(1.0, 2.0, 3.0) * f64::from(i % 7)).collect();
-        let planes = [0, 1, 2].map(|x| c.iter().map(|c| c[x]).collect());
-        let (apply, adjoint) = (binding.apply(&c), binding.adjoint(&points));
-        let mut found = vec![DVec3::ZERO; points.len()];
-        let level = Level::baseline();
-        dispatch!(level, simd => binding.cubic_product(simd, &planes, 0, &mut found, |_, d: DVec3| d));
-        assert!(found.iter().zip(&apply).all(|(a, b)| (*a - *b).length() <= 1e-14));
-        let found = dispatch!(level, simd => binding.cubic_transposed_product(simd, 0..points.len(), |v| points[v]));
-        assert!(found.iter().zip(&adjoint).all(|(a, b)| (*a - *b).length() <= 1e-13));
+        let (apply, adjoint) = at_baseline::<true>(&binding, &c, &points);
+        assert!(apply.iter().zip(&binding.apply(&c)).all(|(a, b)| (*a - *b).length() <= 1e-14));
+        assert!(adjoint.iter().zip(&binding.adjoint(&points)).all(|(a, b)| (*a - *b).length() <= 1e-13));
+        // Portable ones to the last bit.
+        let binding = binding.portable();
+        let (apply, adjoint) = at_baseline::<false>(&binding, &c, &points);
+        assert_eq!((apply, adjoint), (binding.apply(&c), binding.adjoint(&points)));
     }
 }

@@ -437,7 +437,7 @@ impl<'a> Corrector<'a> {
         if let Some(energy) = &options.energy {
             length("the energy", energy.control_count(), controls)?;
         }
-        let mut factors = Factors::of(options.energy.clone());
+        let mut factors = Factors::of(options.energy.clone(), binding.is_portable());
         let too_large = || CorrectError::Energy { controls };
         let metric = factors.metric(&mobility).ok_or_else(too_large)?;
         let way = match &options.method {

@@ -555,9 +555,9 @@ impl Bend {
             let t = up * (p[a] - along.start);
             let xi = sign * (p[b] - center[b]);
             let phi = theta * along.fraction(p);
-            let half = (phi / 2.0).sin();
+            let half = libm::sin(phi / 2.0);
             let mut moved = p;
-            moved[a] += up * (t * (sinc(phi) - 1.0) - xi * phi.sin());
+            moved[a] += up * (t * (sinc(phi) - 1.0) - xi * libm::sin(phi));
             moved[b] += sign * (t * half * sinc(phi / 2.0) - 2.0 * xi * half * half);
             moved
         }))
@@ -685,14 +685,14 @@ fn center(edit: &'static str, center: Option<DVec3>, space: &ControlSpace) -> Re
 /// lest it cancel for small angles.
 fn turn(r: DVec3, axis: DVec3, degrees: f64) -> DVec3 {
     let theta = (degrees % 360.0).to_radians(); // the remainder is exact: full turns are the identity
-    let half = (theta / 2.0).sin();
+    let half = libm::sin(theta / 2.0);
     let across = axis.cross(r);
-    theta.sin() * across + 2.0 * half * half * axis.cross(across)
+    libm::sin(theta) * across + 2.0 * half * half * axis.cross(across)
 }
 
 /// sin x / x, continued to 1 at 0.
 fn sinc(x: f64) -> f64 {
-    if x == 0.0 { 1.0 } else { x.sin() / x }
+    if x == 0.0 { 1.0 } else { libm::sin(x) / x }
 }
 
 fn check_finite(edit: &'static str, key: &'static str, values: &[f64]) -> Result<(), EditError> {

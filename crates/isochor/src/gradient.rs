@@ -9,11 +9,9 @@
 //! The root is the one that is reached from t = 0 without the volume turning back on the way. Several volumes at once go along all
 //! their gradients, `Σ t_c D_c`: coupled polynomials, followed from t = 0 in the same way.
 
-use faer::linalg::solvers::Solve;
-use faer::{Mat, MatRef};
-
 use crate::correct::{CorrectError, Problem, Reason, State, Step};
 use crate::rows::{add, dot, norm};
+use crate::square::Square;
 use crate::tolerances;
 
 /// Corrects by one step along the gradient, or along the gradients of several volumes.
@@ -102,7 +100,7 @@ fn along_all(problem: &Problem, start: &State) -> Result<State, CorrectError> {
     };
     let jacobian = |state: &State| {
         let at = problem.normals(&problem.slopes(state));
-        Mat::from_fn(free.len(), free.len(), |i, j| dot(&at.pulled[free[i]], &lines[j]) / lengths[i])
+        Square::of(free.len(), |i, j| dot(&at.pulled[free[i]], &lines[j]) / lengths[i])
     };
     let size = |missing: &[f64]| -> f64 {
         missing.iter().zip(&free).map(|(m, goal)| (m / problem.goals.targets[*goal]).abs()).sum()
@@ -110,7 +108,7 @@ fn along_all(problem: &Problem, start: &State) -> Result<State, CorrectError> {
     let mut t = vec![0.0; free.len()];
     let mut state = start.clone();
     let mut slope = jacobian(&state);
-    let orientation = slope.determinant().signum();
+    let orientation = slope.orientation();
     let (mut done, mut part) = (0.0, 1.0);
     while done < 1.0 {
         let goal_part = f64::min(1.0, done + part);
@@ -127,8 +125,8 @@ fn along_all(problem: &Problem, start: &State) -> Result<State, CorrectError> {
                 break;
             }
             let scaled: Vec<f64> = open.iter().zip(&lengths).map(|(open, length)| open / length).collect();
-            let step = next_slope.partial_piv_lu().solve(MatRef::from_column_major_slice(&scaled, scaled.len(), 1));
-            let further: Vec<f64> = at.iter().enumerate().map(|(k, t)| t + step[(k, 0)]).collect();
+            let step = next_slope.solved(&scaled);
+            let further: Vec<f64> = at.iter().enumerate().map(|(k, t)| t + step[k]).collect();
             let there = state_at(&further);
             let left = size(&missing(&there));
             // Newton's steps shrink quadratically; what does not at least halve is no longer on its way, or has arrived.
@@ -138,7 +136,7 @@ fn along_all(problem: &Problem, start: &State) -> Result<State, CorrectError> {
                 break;
             }
             (next_slope, next, at) = (jacobian(&there), there, further);
-            if next_slope.determinant().signum() != orientation {
+            if next_slope.orientation() != orientation {
                 break;
             }
         }

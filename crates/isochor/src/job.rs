@@ -32,6 +32,8 @@ pub struct Job {
     pub save_controls: Option<PathBuf>,
     /// Number type of the written coordinates.
     pub precision: Precision,
+    /// Whether the result has the same bits on every processor, not only for every number of threads.
+    pub portable_bits: bool,
     /// The lattice. Without it, edits act on the default lattice.
     pub lattice: Option<LatticeRequest>,
     /// Edits of the control points, in order.

@@ -111,6 +111,7 @@ pub mod shapes;
 mod shells;
 mod simplify;
 mod spare;
+mod square;
 mod sweep;
 pub mod tolerances;
 mod topology;

@@ -268,7 +268,7 @@ fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
     };
     let point = |i: usize| {
         // Tricomi's estimate; Newton's method doubles its three digits in every step.
-        let mut x = -(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5)).cos();
+        let mut x = -libm::cos(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5));
         for _ in 0..5 {
             let (p, slope) = legendre(x);
             x -= p / slope;

@@ -56,12 +56,14 @@ impl std::fmt::Debug for Factor {
 #[derive(Clone, Debug, Default)]
 pub(crate) struct Factors {
     energy: Option<Arc<Energy>>,
+    /// Whether bits are to be the same on every processor.
+    is_portable: bool,
     made: Vec<(Vec<bool>, Arc<Factor>)>,
 }
 
 impl Factors {
-    pub(crate) fn of(energy: Option<Energy>) -> Self {
-        Self { energy: energy.map(Arc::new), made: Vec::new() }
+    pub(crate) fn of(energy: Option<Energy>, is_portable: bool) -> Self {
+        Self { energy: energy.map(Arc::new), is_portable, made: Vec::new() }
     }
 
     /// The metric for mobilities m (#controls) along a direction; `None` where the energy's matrix is too large to be factorised.
@@ -73,7 +75,7 @@ impl Factors {
         let factor = match made {
             Some(factor) => factor,
             None => {
-                let factor = Arc::new(Factor::new(energy, &is_free)?);
+                let factor = Arc::new(Factor::new(energy, &is_free, self.is_portable)?);
                 self.made.push((is_free, Arc::clone(&factor)));
                 factor
             }
@@ -89,7 +91,7 @@ impl Factors {
 }
 
 impl Factor {
-    fn new(energy: &Arc<Energy>, is_free: &[bool]) -> Option<Self> {
+    fn new(energy: &Arc<Energy>, is_free: &[bool], is_portable: bool) -> Option<Self> {
         let free: Vec<usize> = (0..is_free.len()).filter(|c| is_free[*c]).collect();
         let mut row = vec![usize::MAX; is_free.len()];
         free.iter().enumerate().for_each(|(r, c)| row[*c] = r);
@@ -102,10 +104,11 @@ impl Factor {
         let matrix = SparseColMat::try_new_from_triplets(free.len(), free.len(), &entries).ok()?;
         // `FORCE_SUPERNODAL` is 0, and a diagonal matrix takes no more than 0 operations for each entry.
         const ALWAYS: SupernodalThreshold = SupernodalThreshold(-1.0);
-        let supernodal = SymbolicSupernodalParams::default();
+        // Dense blocks are faster, but what they are multiplied with depends on the processor.
+        let threshold = if is_portable { SupernodalThreshold::FORCE_SIMPLICIAL } else { ALWAYS };
         let params = CholeskySymbolicParams {
-            supernodal_flop_ratio_threshold: ALWAYS,
-            supernodal_params: supernodal,
+            supernodal_flop_ratio_threshold: threshold,
+            supernodal_params: SymbolicSupernodalParams::default(),
             ..CholeskySymbolicParams::default()
         };
         let symbolic =
@@ -139,18 +142,41 @@ impl Factor {
         if self.order.is_empty() {
             return;
         }
-        let SymbolicCholeskyRaw::Supernodal(symbolic) = self.symbolic.raw() else {
-            unreachable!("a supernodal factor was asked for");
-        };
-        let factor = SupernodalLltRef::new(symbolic, &self.values);
         let mut in_order: Vec<f64> = self.order.iter().map(|c| x[*c]).collect();
-        let rhs = MatMut::from_column_major_slice_mut(&mut in_order, self.order.len(), 1);
-        let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
-        let stack = MemStack::new(&mut memory);
-        if is_transposed {
-            factor.l_transpose_solve_with_conj(Conj::No, rhs, Par::Seq, stack);
-        } else {
-            factor.l_solve_with_conj(Conj::No, rhs, Par::Seq, stack);
+        match self.symbolic.raw() {
+            SymbolicCholeskyRaw::Supernodal(symbolic) => {
+                let factor = SupernodalLltRef::new(symbolic, &self.values);
+                let rhs = MatMut::from_column_major_slice_mut(&mut in_order, self.order.len(), 1);
+                let mut memory = MemBuffer::new(symbolic.solve_in_place_scratch::<f64>(1, Par::Seq));
+                let stack = MemStack::new(&mut memory);
+                if is_transposed {
+                    factor.l_transpose_solve_with_conj(Conj::No, rhs, Par::Seq, stack);
+                } else {
+                    factor.l_solve_with_conj(Conj::No, rhs, Par::Seq, stack);
+                }
+            }
+            SymbolicCholeskyRaw::Simplicial(symbolic) => {
+                // The diagonal comes first in each column of L.
+                let column = |k: usize| {
+                    let entries = symbolic.col_ptr()[k]..symbolic.col_ptr()[k + 1];
+                    (&symbolic.row_idx()[entries.clone()], &self.values[entries])
+                };
+                let columns = self.order.len();
+                if is_transposed {
+                    for k in (0..columns).rev() {
+                        let (rows, values) = column(k);
+                        let known: f64 = rows[1..].iter().zip(&values[1..]).map(|(i, l)| l * in_order[*i]).sum();
+                        in_order[k] = (in_order[k] - known) / values[0];
+                    }
+                } else {
+                    for k in 0..columns {
+                        let (rows, values) = column(k);
+                        in_order[k] /= values[0];
+                        let solved = in_order[k];
+                        rows[1..].iter().zip(&values[1..]).for_each(|(i, l)| in_order[*i] -= l * solved);
+                    }
+                }
+            }
         }
         self.order.iter().zip(in_order).for_each(|(c, value)| x[*c] = value);
     }

@@ -476,6 +476,7 @@ impl Job {
         let controls = self.controls(input, near, origin, &mut warnings)?;
         let outside = self.lattice.as_ref().map(|request| request.outside).unwrap_or_default();
         let binding = controls.lattice.bind(&rest_points, outside)?;
+        let binding = if self.portable_bits { binding.portable() } else { binding };
         if binding.kept_count() > 0 {
             let (kept, all) = (binding.kept_count(), binding.vertex_count());
             warnings.push(format!("{kept} of {all} vertices are outside the lattice and stay where they are."));
@@ -701,7 +702,7 @@ impl Job {
                 return Err(JobError::Value { key, problem });
             }
             for (m, rest) in mobility.iter_mut().zip(space.rest) {
-                *m *= (-rest.distance(center) / (radius * space.extent)).exp();
+                *m *= libm::exp(-rest.distance(center) / (radius * space.extent));
             }
         }
         if let Some(pin) = &self.preserve.pin {

@@ -12,13 +12,12 @@
 //!
 //! Source: the implicit function theorem; the matrix-free Hessian is that of [`crate::nearest`].
 
-use faer::linalg::solvers::Solve;
-use faer::{Mat, MatRef};
 use glam::DVec3;
 
 use crate::axes::{Axis, AxisPoints, Taken, split};
 use crate::correct::{Correction, Normals, Problem, Solved, State};
 use crate::rows::{add, dot};
+use crate::square::Square;
 
 /// A correction with its derivatives.
 pub struct Sensitivity<'a> {
@@ -74,7 +73,7 @@ struct Gradient {
     /// The goals that depend on the controls.
     free: Vec<usize>,
     /// ∇V_g(y) · D_c for these (#free × #free).
-    jacobian: Mat<f64>,
+    jacobian: Square,
 }
 
 struct Axes<'a> {
@@ -117,8 +116,7 @@ impl<'a> Sensitivity<'a> {
                 let along = normals.rows.multipliers(&problem.metric.coordinates(&delta));
                 let at_end = problem.normals(&problem.slopes(&end));
                 let free: Vec<usize> = (0..along.len()).filter(|goal| normals.rows.is_independent(*goal)).collect();
-                let jacobian =
-                    Mat::from_fn(free.len(), free.len(), |i, j| dot(&at_end.pulled[free[i]], &normals.pulled[free[j]]));
+                let jacobian = Square::of(free.len(), |i, j| dot(&at_end.pulled[free[i]], &normals.pulled[free[j]]));
                 let slopes = slopes(&end);
                 Linear::Gradient(Gradient { start, normals, along, slopes, free, jacobian })
             }
@@ -257,10 +255,10 @@ impl Gradient {
         let mut z = self.turned(problem, &y);
         y = sum(&y, &problem.metric.displacement(&z));
         let open: Vec<f64> = self.free.iter().map(|g| volumes[*g] - inner(&self.slopes[*g], &y)).collect();
-        let along = self.jacobian.partial_piv_lu().solve(column(&open));
+        let along = self.jacobian.solved(&open);
         z.fill(0.0);
         for (k, goal) in self.free.iter().enumerate() {
-            add(&mut z, along[(k, 0)], &self.normals.pulled[*goal]);
+            add(&mut z, along[k], &self.normals.pulled[*goal]);
         }
         sum(&y, &problem.metric.displacement(&z))
     }
@@ -268,10 +266,10 @@ impl Gradient {
     fn transposed(&self, problem: &Problem, mut y: Vec<DVec3>) -> Transposed {
         let z = problem.metric.pulled(&y);
         let by_direction: Vec<f64> = self.free.iter().map(|goal| dot(&self.normals.pulled[*goal], &z)).collect();
-        let multipliers = self.jacobian.transpose().to_owned().partial_piv_lu().solve(column(&by_direction));
+        let multipliers = self.jacobian.transposed().solved(&by_direction);
         let mut volumes = vec![0.0; self.slopes.len()];
         for (k, goal) in self.free.iter().enumerate() {
-            volumes[*goal] = multipliers[(k, 0)];
+            volumes[*goal] = multipliers[k];
             y.iter_mut().zip(&self.slopes[*goal]).for_each(|(y, s)| *y -= volumes[*goal] * *s);
         }
         // K of the forward product is R Π Rᵀ H, so its transpose is H R Π Rᵀ.
@@ -397,10 +395,6 @@ fn on_goals(goals: &[usize], numbers: &[f64], all: usize) -> Vec<f64> {
     let mut on_all = vec![0.0; all];
     goals.iter().zip(numbers).for_each(|(goal, number)| on_all[*goal] = *number);
     on_all
-}
-
-fn column(numbers: &[f64]) -> MatRef<'_, f64> {
-    MatRef::from_column_major_slice(numbers, numbers.len(), 1)
 }
 
 fn sum(a: &[DVec3], b: &[DVec3]) -> Vec<DVec3> {

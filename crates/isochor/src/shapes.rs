@@ -81,7 +81,7 @@ pub fn embossed_box(n: usize) -> Mesh {
     const HEIGHT: f64 = 0.06;
     assert!(n >= 5, "an embossed box needs at least 5 quads along every side, not {n}");
     let smooth = block(SIZE, [n; 3]);
-    let wave = |p: DVec3, axis: usize| (PI * BOSSES[axis] * (p[axis] / SIZE[axis])).sin().powi(2);
+    let wave = |p: DVec3, axis: usize| libm::sin(PI * BOSSES[axis] * (p[axis] / SIZE[axis])).powi(2);
     let embossed = |p: &DVec3| {
         let mut moved = *p;
         for axis in 0..3 {
@@ -184,7 +184,7 @@ pub fn eared_ball(levels: usize) -> Mesh {
     const EARS: (f64, f64) = (0.6, 40.0);
     let ball = icosphere(levels);
     let ears = [ball.points()[2], ball.points()[3]];
-    let ear = |d: DVec3, e: DVec3| EARS.0 * (EARS.1 * (d.dot(e) - 1.0)).exp();
+    let ear = |d: DVec3, e: DVec3| EARS.0 * libm::exp(EARS.1 * (d.dot(e) - 1.0));
     let points = ball.points().iter().map(|d| *d * (1.0 + ears.iter().map(|e| ear(*d, *e)).sum::<f64>())).collect();
     solid(points, ball.faces().clone())
 }
@@ -228,7 +228,7 @@ pub fn uv_torus(major: f64, minor: f64, nu: usize, nv: usize) -> Mesh {
     let mut faces = Faces::with_capacity(2 * nu * nv, 6 * nu * nv);
     for u in 0..nu {
         for v in 0..nv {
-            let (height, out) = angle(v, nv).sin_cos();
+            let (height, out) = libm::sincos(angle(v, nv));
             points.push(round_z(major + minor * out, minor * height, angle(u, nu)));
             let corner = |du: usize, dv: usize| ((u + du) % nu * nv + (v + dv) % nv) as u32;
             faces.push(&[corner(0, 0), corner(1, 0), corner(1, 1)]);
@@ -315,8 +315,8 @@ pub fn screwdriver(n: usize) -> Mesh {
         let flutes = 0.08 * step(z, 1.65, 1.9) * (1.0 - end);
         let corner = move |s: usize| {
             let angle = angle(s, n);
-            let (sin, cos) = angle.sin_cos();
-            let rho = 1.0 + flutes * (8.0 * angle).cos();
+            let (sin, cos) = libm::sincos(angle);
+            let rho = 1.0 + flutes * libm::cos(8.0 * angle);
             DVec3::new(a * rho * cos, b * rho * sin, z)
         };
         (0..n).map(corner).collect()
@@ -389,7 +389,7 @@ pub fn cup(n: usize) -> Mesh {
         let next: Vec<u32> = if section == sections {
             square.iter().map(|[u, v]| wall(below + n - v, *u)).collect()
         } else {
-            let (sin, cos) = (PI * (section as f64 / sections as f64)).sin_cos();
+            let (sin, cos) = libm::sincos(PI * (section as f64 / sections as f64));
             let radial = DVec3::new(sin, 0.0, cos);
             let height = f64::midpoint(middle[0], middle[1]);
             let foot = radius(height + HANDLE[2] * cos);
@@ -462,7 +462,7 @@ fn angle(part: usize, parts: usize) -> f64 {
 }
 
 fn round_z(radius: f64, z: f64, angle: f64) -> DVec3 {
-    let (sin, cos) = angle.sin_cos();
+    let (sin, cos) = libm::sincos(angle);
     DVec3::new(radius * cos, radius * sin, z)
 }
 
