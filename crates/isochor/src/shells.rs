@@ -144,7 +144,10 @@ impl<'a> Piece<'a> {
             let [a, b, c] = t.map(|v| self.points[v as usize]);
             (b - a).cross(c - a).length()
         };
-        let area = self.triangles.iter().map(doubled).sum::<f64>() / 2.0;
+        let parts = parallel::map_chunks(self.triangles.len(), parallel::CHUNK, |range| {
+            self.triangles[range].iter().map(doubled).sum::<f64>()
+        });
+        let area = parts.iter().sum::<f64>() / 2.0;
         volume.abs() <= tolerances::NO_VOLUME * area * self.bounds.extent()
     }
 
@@ -249,10 +252,12 @@ impl<'a> Surface<'a> {
 /// The box round some triangles; of none, the origin.
 fn bounds(triangles: &[[u32; 3]], points: &[DVec3]) -> Bounds {
     let first = triangles.first().map_or(DVec3::ZERO, |t| points[t[0] as usize]);
-    triangles.as_flattened().iter().fold(Bounds { min: first, max: first }, |b, &v| {
-        let p = points[v as usize];
-        Bounds { min: b.min.min(p), max: b.max.max(p) }
-    })
+    let with = |b: Bounds, p: DVec3| Bounds { min: b.min.min(p), max: b.max.max(p) };
+    let parts = parallel::map_chunks(triangles.len(), parallel::CHUNK, |range| {
+        let corners = triangles[range].as_flattened();
+        corners.iter().fold(Bounds { min: first, max: first }, |b, &v| with(b, points[v as usize]))
+    });
+    parts.iter().fold(Bounds { min: first, max: first }, |b, part| with(with(b, part.min), part.max))
 }
 
 /// The edges that are left where opposite ones cancel.

@@ -144,49 +144,11 @@ impl Solid {
     ///
     /// No faces; boundaries, if they are to be refused; inconsistent winding; an extent out of range.
     pub fn new(mesh: &Mesh, topology: &Topology, open: OpenBoundaries) -> Result<Self, SolidError> {
-        if topology.components == 0 {
-            return Err(SolidError::NoFaces);
-        }
-        let extent = mesh.bounds().map_or(0.0, |b| b.extent());
-        if !tolerances::EXTENTS.contains(&extent) {
-            return Err(SolidError::Extent { extent });
-        }
-        let mut twisted = topology.unbalanced.iter().filter(|edge| edge.surplus > 1);
-        if let Some(first) = twisted.next() {
-            return Err(SolidError::Winding {
-                edges: 1 + twisted.count(),
-                surplus: first.surplus,
-                from: first.from,
-                to: first.to,
-                face: first.face,
-            });
-        }
-        if let (OpenBoundaries::Refuse, Some(first)) = (open, topology.unbalanced.first()) {
-            return Err(SolidError::Open {
-                boundary_edges: topology.boundary_edges,
-                boundary_loops: topology.boundary_loops,
-                from: first.from,
-                to: first.to,
-                face: first.face,
-            });
-        }
-
+        check(mesh, topology, open)?;
         let vertices = mesh.points().len();
         let (caps, cap_triangles) = caps(topology, vertices);
+        let (triangles, components) = by_component(mesh, topology, &cap_triangles);
         let welded = &topology.welded;
-        let distinct = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|v| welded[v as usize]);
-            a != b && b != c && c != a
-        };
-        let labelled = mesh.faces().iter().zip(&topology.component_of_face).filter(|(_, c)| **c != u32::MAX);
-        let mut all: Vec<(u32, [u32; 3])> =
-            labelled.flat_map(|(polygon, &c)| fan(polygon).filter(distinct).map(move |t| (c, t))).collect();
-        all.extend(cap_triangles.iter().map(|(face, t)| (topology.component_of_face[*face as usize], *t)));
-        all.sort_by_key(|(component, _)| *component); // stable: file order within a component
-        let ends = (0..topology.components).map(|c| all.partition_point(|t| t.0 as usize <= c));
-        let components = ends.scan(0, |start, end| Some(std::mem::replace(start, end)..end)).collect();
-        let triangles: Vec<[u32; 3]> = all.into_iter().map(|(_, t)| t).collect();
-
         let twins: Vec<[u32; 2]> = (0..).zip(welded).filter(|(v, w)| v != *w).map(|(v, &w)| [w, v]).collect();
         let mut has_twin = vec![false; vertices];
         twins.iter().flatten().for_each(|v: &u32| has_twin[*v as usize] = true);
@@ -682,6 +644,78 @@ fn chunks(range: &Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
 #[inline]
 fn doubled_area_vector(triangle: [u32; 3], points: &[DVec3]) -> DVec3 {
     sweep::doubled_area_vector(triangle.map(|v| points[v as usize]))
+}
+
+/// Whether `mesh` with this `topology` bounds a body.
+fn check(mesh: &Mesh, topology: &Topology, open: OpenBoundaries) -> Result<(), SolidError> {
+    if topology.components == 0 {
+        return Err(SolidError::NoFaces);
+    }
+    let extent = mesh.bounds().map_or(0.0, |b| b.extent());
+    if !tolerances::EXTENTS.contains(&extent) {
+        return Err(SolidError::Extent { extent });
+    }
+    let mut twisted = topology.unbalanced.iter().filter(|edge| edge.surplus > 1);
+    if let Some(first) = twisted.next() {
+        return Err(SolidError::Winding {
+            edges: 1 + twisted.count(),
+            surplus: first.surplus,
+            from: first.from,
+            to: first.to,
+            face: first.face,
+        });
+    }
+    match opening(topology) {
+        Some(opening) if open == OpenBoundaries::Refuse => Err(opening),
+        _ => Ok(()),
+    }
+}
+
+/// Why a mesh is refused whose boundaries are not to be closed; `None` where it is balanced.
+pub(crate) fn opening(topology: &Topology) -> Option<SolidError> {
+    topology.unbalanced.first().map(|first| SolidError::Open {
+        boundary_edges: topology.boundary_edges,
+        boundary_loops: topology.boundary_loops,
+        from: first.from,
+        to: first.to,
+        face: first.face,
+    })
+}
+
+/// The triangles of component after component, in file order, those of its caps last; and where each component's are.
+fn by_component(
+    mesh: &Mesh,
+    topology: &Topology,
+    of_caps: &[(u32, [u32; 3])],
+) -> (Vec<[u32; 3]>, Vec<Range<usize>>) {
+    let (faces, welded) = (mesh.faces(), &topology.welded);
+    let all_distinct = topology.coincident_vertices == 0 && topology.collapsed_faces == 0;
+    if all_distinct && faces.are_triangles() && topology.components == 1 && of_caps.is_empty() {
+        let corners = faces.corners();
+        let triangles = parallel::collect(faces.len(), |f| [corners[3 * f], corners[3 * f + 1], corners[3 * f + 2]]);
+        return (triangles, vec![0..faces.len()]);
+    }
+    let distinct = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| welded[v as usize]);
+        a != b && b != c && c != a
+    };
+    let of_faces = || {
+        let labelled = faces.iter().zip(&topology.component_of_face).filter(|(_, c)| **c != u32::MAX);
+        labelled.flat_map(|(polygon, &c)| fan(polygon).filter(distinct).map(move |t| (c as usize, t)))
+    };
+    let of_caps = || of_caps.iter().map(|(face, t)| (topology.component_of_face[*face as usize] as usize, *t));
+    let mut next = vec![0; topology.components + 1];
+    of_faces().chain(of_caps()).for_each(|(c, _)| next[c + 1] += 1);
+    for c in 0..topology.components {
+        next[c + 1] += next[c];
+    }
+    let components = next.windows(2).map(|ends| ends[0]..ends[1]).collect();
+    let mut triangles = vec![[0; 3]; next[topology.components]];
+    for (c, triangle) in of_faces().chain(of_caps()) {
+        triangles[next[c]] = triangle;
+        next[c] += 1;
+    }
+    (triangles, components)
 }
 
 /// One cap for each connected piece of the unbalanced edges, and its triangles, each with the face whose edge it closes.
