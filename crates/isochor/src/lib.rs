@@ -113,6 +113,7 @@ mod spare;
 mod sweep;
 pub mod tolerances;
 mod topology;
+mod triangles;
 mod volume;
 
 pub use binding::{Binding, BoundVertices, displaced};

@@ -102,6 +102,19 @@ impl Faces {
     }
 }
 
+impl From<Vec<[u32; 3]>> for Faces {
+    /// Triangles, without copying them.
+    ///
+    /// # Panics
+    ///
+    /// Panics where they have more than `u32::MAX` corners.
+    fn from(triangles: Vec<[u32; 3]>) -> Self {
+        let corners = triangles.into_flattened();
+        assert!(u32::try_from(corners.len()).is_ok(), "a mesh has at most u32::MAX corners");
+        Self { corners, ends: Vec::new() }
+    }
+}
+
 impl<'a> FromIterator<&'a [u32]> for Faces {
     fn from_iter<I: IntoIterator<Item = &'a [u32]>>(faces: I) -> Self {
         let mut all = Self::new();
@@ -177,7 +190,9 @@ impl Mesh {
             let face = faces.face(f);
             let missing = face.iter().find(|v| **v as usize >= points.len());
             return Err(match missing {
-                Some(&vertex) if face.len() >= 3 => MeshError::MissingVertex { face: f, vertex, vertices: points.len() },
+                Some(&vertex) if face.len() >= 3 => {
+                    MeshError::MissingVertex { face: f, vertex, vertices: points.len() }
+                }
                 _ => MeshError::TooFewCorners { face: f, corners: face.len() },
             });
         }
@@ -207,6 +222,11 @@ impl Mesh {
         }
         check_points(&points)?;
         Ok(Self { points: Arc::new(points), faces: Arc::clone(&self.faces) })
+    }
+
+    /// The faces, to be kept beside the mesh.
+    pub(crate) fn shared_faces(&self) -> Arc<Faces> {
+        Arc::clone(&self.faces)
     }
 
     /// The points, to be kept beside the mesh.

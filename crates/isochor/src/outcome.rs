@@ -10,7 +10,7 @@ use glam::{DMat3, DVec3};
 use crate::binding::{Binding, BoundVertices, displaced, translated};
 use crate::body::{Body, Wish};
 use crate::bspline::{Basis, BasisError};
-use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, Wanted, correct};
+use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, Wanted, correct_last};
 use crate::edit::{Edit, EditError};
 use crate::energy::Energy;
 use crate::goals::VolumeGoal;
@@ -458,6 +458,7 @@ impl Job {
             correction,
             folds: "off".into(),
             timings_ms: watch.timings(),
+            peak_memory: None,
             warnings,
         };
         if self.changes_nothing() {
@@ -551,14 +552,14 @@ impl Job {
                 Objective::Bending => Some(Energy::bending(&controls.lattice)?),
             };
             let options = CorrectOptions { method, mobility: Some(mobility), energy };
-            let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
             let corrected = match self.preserve.preview {
-                None => correct(&pose, &wanted, &options),
+                None => correct_last(&body.solid, binding, &points, &wanted, &options),
                 Some(0) => {
                     let problem = "is 0: it is a number of triangles, such as 20000".into();
                     return Err(JobError::Value { key: "preserve.preview", problem });
                 }
                 Some(triangles) => {
+                    let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
                     let preview = Preview::new(&pose, triangles)?;
                     watch.lap("simplify");
                     let corrected = preview.correct(&pose, &wanted, &options);
@@ -590,7 +591,6 @@ impl Job {
         }
         watch.lap(Stage::Correct.name());
 
-        drop(binding);
         let saved = controls.in_model_coordinates(&posed, origin)?;
         Ok(Outcome {
             points: if origin == DVec3::ZERO { points } else { translated(&points, origin) },

@@ -372,7 +372,8 @@ fn welded_vertices(points: &[DVec3]) -> (Vec<u32>, usize) {
     let twins = parallel::map(groups, |g| {
         let group = &order[g.checked_sub(1).map_or(0, |g| ends[g] as usize)..ends[g] as usize];
         let mut first_at = FxHashMap::with_capacity_and_hasher(group.len(), Default::default());
-        let pair = |&v: &u32| Some([*first_at.entry(place(v as usize)).or_insert(v), v]).filter(|[first, v]| first != v);
+        let pair =
+            |&v: &u32| Some([*first_at.entry(place(v as usize)).or_insert(v), v]).filter(|[first, v]| first != v);
         group.iter().filter_map(pair).collect::<Vec<_>>()
     });
     let mut welded: Vec<u32> = (0..points.len() as u32).collect();
