@@ -66,7 +66,7 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     writing.lap("write");
     let page = request.report.as_ref().filter(|path| has_extension(path, "html"));
     let is_drawn = page.is_some() || request.picture.is_some();
-    let course = outcome.course().filter(|_| is_drawn);
+    let course = is_drawn.then(|| outcome.course()).flatten();
     let show = is_drawn.then(|| Show::of_job(document.mesh(), &outcome, course.as_ref()));
     let drawn = show.as_ref().map(|show| {
         progress.begin("draw");

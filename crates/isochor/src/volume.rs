@@ -501,7 +501,7 @@ impl Solid {
     #[must_use]
     pub fn encloses_nothing(&self, points: &[DVec3], volume: f64) -> bool {
         let extent = Bounds::of(points).map_or(0.0, |b| b.extent());
-        volume.abs() <= tolerances::NO_VOLUME * self.area(points) * extent
+        encloses_nothing(volume, self.triangles.len(), extent, || self.area(points))
     }
 
     /// The body over `clusters` of vertices, for the cluster of each vertex (#vertices): triangles that collapse are dropped.
@@ -619,6 +619,14 @@ impl Solid {
         });
         (solid, named[..vertices].to_vec())
     }
+}
+
+/// Whether `volume` is rounding noise for a surface of that area, of so many triangles in a box of that extent.
+pub(crate) fn encloses_nothing(volume: f64, triangles: usize, extent: f64, area: impl FnOnce() -> f64) -> bool {
+    // No triangle in a cube is larger than one of its sides, so most bodies need no area.
+    let most = triangles as f64 * extent * extent;
+    let is_noise = |area: f64| volume.abs() <= tolerances::NO_VOLUME * area * extent;
+    (is_noise(most) || !most.is_finite()) && is_noise(area())
 }
 
 /// [`Bounds::lossless_origin`] of the points.
