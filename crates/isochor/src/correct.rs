@@ -376,7 +376,9 @@ pub(crate) fn correct_last(
     }
     let corrector = Corrector::new(solid, &binding, options)?.detached();
     drop(binding);
-    corrector.correct(vertices, wanted)
+    let solved = corrector.solved(vertices, wanted, false)?;
+    corrector.spare.clear();
+    Ok(solved.correction(vertices))
 }
 
 /// Whether the copies of a [`Corrector`] are worth their time for a single correction: many evaluations of a large mesh are.

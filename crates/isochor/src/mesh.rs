@@ -366,6 +366,28 @@ mod tests {
     use super::*;
 
     #[test]
+    fn faces_are_the_same_however_they_were_listed() {
+        let lists: [&[&[u32]]; 5] = [
+            &[],
+            &[&[0, 1, 2], &[2, 1, 3]],
+            &[&[0, 1, 2], &[0, 1, 2, 3], &[1, 2, 3]],
+            &[&[0, 1, 2, 3]],
+            &[&[], &[0, 1, 2]],
+        ];
+        for list in lists {
+            let faces: Faces = list.iter().copied().collect();
+            let mut roomy = Faces::with_capacity(10, 40);
+            list.iter().for_each(|face| roomy.push(face));
+            assert_eq!(faces, roomy);
+            assert_eq!((faces.len(), faces.is_empty()), (list.len(), list.is_empty()));
+            assert!(faces.iter().eq(list.iter().copied()));
+            assert_eq!(faces.corners(), list.concat());
+            assert_eq!(faces.are_triangles(), list.iter().all(|face| face.len() == 3));
+        }
+        assert_eq!(Faces::from(vec![[0, 1, 2], [2, 1, 3]]), lists[1].iter().copied().collect());
+    }
+
+    #[test]
     fn a_box_is_finite_where_all_points_are() {
         let points = [DVec3::ZERO, DVec3::new(1.0, -2.0, 3.0), DVec3::splat(0.5)];
         let bounds = Bounds::of(&points).unwrap();
