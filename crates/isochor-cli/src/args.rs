@@ -70,6 +70,12 @@ pub enum Command {
     /// Deform a model and keep its volume, from flags or from a job file.
     #[command(after_help = DEFORM_EXAMPLES)]
     Deform(Box<DeformArgs>),
+    /// Measure times and memory on this machine.
+    #[command(after_help = "Examples:\n  isochor bench deform")]
+    Bench {
+        #[command(subcommand)]
+        bench: BenchCommand,
+    },
     /// Print completions for a shell.
     #[command(
         after_help = "Examples:\n  isochor completions bash > ~/.local/share/bash-completion/completions/isochor"
@@ -84,6 +90,27 @@ pub enum Command {
         /// Folder to write the pages to.
         folder: Option<PathBuf>,
     },
+}
+
+/// What can be measured.
+#[derive(Debug, Subcommand)]
+pub enum BenchCommand {
+    /// Whole deformations of files of many sizes: times of all stages, and memory.
+    #[command(
+        after_help = "Examples:\n  isochor bench deform\n  isochor bench deform --vertices 25000000 --runs 1 --threads 2\n\n\
+                      Models are written to the folder of temporary files, 80 bytes per vertex with the result, and removed."
+    )]
+    Deform(BenchDeformArgs),
+}
+
+#[derive(Clone, Debug, Default, Args)]
+pub struct BenchDeformArgs {
+    /// Vertices of a model, about; any number of times. 2500 to a million by default.
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(100..=25_000_000))]
+    pub vertices: Vec<u32>,
+    /// Runs on each model, of which the fastest is told.
+    #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=100))]
+    pub runs: u8,
 }
 
 const DEFORM_EXAMPLES: &str = "Examples:

@@ -1,12 +1,15 @@
 //! The `isochor` command: reads models and jobs, hands them to the library, writes what comes back.
 
 mod args;
+mod bench;
+mod bench_deform;
 mod demo;
 mod failure;
 mod files;
 mod flags;
 mod frames;
 mod info;
+mod memory;
 mod model;
 mod pages;
 mod pictures;

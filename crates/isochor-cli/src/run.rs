@@ -12,7 +12,7 @@ use crate::files::{self, Pending};
 use crate::model::Model;
 use crate::request::{Request, Requests, has_extension};
 use crate::terminal::Terminal;
-use crate::{demo, frames, info, pages, pictures};
+use crate::{bench, demo, frames, info, memory, pages, pictures};
 
 /// Runs what was asked and says with which code to end.
 pub fn command(cli: Cli) -> ExitCode {
@@ -36,6 +36,7 @@ pub fn command(cli: Cli) -> ExitCode {
             terminal.report(&report, &request);
             Ok(())
         }),
+        Command::Bench { bench } => bench::run(bench, cli.output.threads, &terminal),
         Command::Completions { shell } => pages::completions(*shell),
         Command::Man { folder } => pages::man(folder.as_deref()),
     };
@@ -65,7 +66,7 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     writing.lap("write");
     let page = request.report.as_ref().filter(|path| has_extension(path, "html"));
     let is_drawn = page.is_some() || request.picture.is_some();
-    let course = outcome.course().filter(|_| is_drawn);
+    let course = is_drawn.then(|| outcome.course()).flatten();
     let show = is_drawn.then(|| Show::of_job(document.mesh(), &outcome, course.as_ref()));
     let drawn = show.as_ref().map(|show| {
         progress.begin("draw");
@@ -79,6 +80,7 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     let mut report = outcome.report.clone();
     report.timings_ms.0.splice(0..0, watch.timings().0);
     report.timings_ms.0.extend(writing.timings().0);
+    report.peak_memory = memory::peak();
     if let Some(path) = page {
         let caption =
             show.iter().flat_map(|show| &show.poses).map(|pose| &pose.name[..]).collect::<Vec<_>>().join(", ");

@@ -43,6 +43,13 @@ impl Terminal {
         }
     }
 
+    /// A text that was asked for, unless programs asked.
+    pub fn table(&self, text: &str) {
+        if !(self.json || self.quiet) {
+            write(&mut std::io::stdout(), text);
+        }
+    }
+
     /// Tells of a failure and gives its exit code.
     pub fn failure(&self, failure: &Failure) -> ExitCode {
         #[derive(serde::Serialize)]

@@ -26,6 +26,7 @@ mod obj;
 mod ply;
 mod ply_body;
 mod ply_header;
+mod ply_rows;
 mod read_error;
 mod splice;
 mod stl;

@@ -15,6 +15,7 @@ use crate::normal::carried_direction;
 use crate::number::{Storage, quoted};
 use crate::ply_body::Body;
 use crate::ply_header::{self, Element, Encoding, Header, Kind, Property, Scalar};
+use crate::ply_rows::{VertexRows, triangles};
 use crate::splice::Splice;
 use crate::{NumberType, Place, ReadError};
 
@@ -56,13 +57,28 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Parsed<Layout>, ReadError> {
     let mut body = Body::new(bytes, header.encoding, header.body);
     let (mut rows, mut points) = (header.body, Vec::new());
     let mut reader = FaceReader { vertices, faces: Faces::new(), skipped: None, degenerate: 0 };
+    let encoding = header.encoding;
     for element in &header.elements {
         body.check_room(element, &header)?;
         if element.name == b"vertex" {
             rows = body.position();
-            points = read_points(&mut body, element, &roles)?;
+            let plain = VertexRows::of(element, encoding);
+            points = match plain.and_then(|plain| plain.points(body.ahead(), element.rows as usize)) {
+                Some((points, len)) => {
+                    body.step_over(len);
+                    points
+                }
+                None => read_points(&mut body, element, &roles)?,
+            };
         } else if let Some((_, list)) = polygons.filter(|(e, _)| std::ptr::eq(*e, element)) {
-            reader.read(&mut body, element, list)?;
+            let plain = (element.name == b"face").then(|| triangles(element, encoding, body.ahead(), vertices));
+            match plain.flatten() {
+                Some((triangles, len)) => {
+                    body.step_over(len);
+                    reader.faces = triangles.into();
+                }
+                None => reader.read(&mut body, element, list)?,
+            }
         } else {
             body.skip_element(element)?;
         }
@@ -286,6 +302,13 @@ impl Layout {
 
     /// A copy of `bytes` with the change in it, and warnings.
     pub(crate) fn patched(&self, bytes: &[u8], change: &Change) -> Result<(Vec<u8>, Vec<String>), ReadError> {
+        let is_plain = change.precision == Precision::File && (change.jacobians.is_none() || !self.has_normals);
+        if let Some(rows) = VertexRows::of(&self.vertex, self.encoding).filter(|_| is_plain) {
+            let mut patched = bytes.to_vec();
+            if rows.replace(&mut patched[self.rows.0..], change.mesh.points(), change.stored) {
+                return Ok((patched, Vec::new()));
+            }
+        }
         let mut splice = Splice::new(bytes);
         if change.precision == Precision::F64 {
             self.widen_header(bytes, &mut splice);

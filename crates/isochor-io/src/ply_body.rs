@@ -269,7 +269,19 @@ impl<'a> Body<'a> {
 
     /// Number of bytes behind the walk.
     pub(crate) fn bytes_ahead(&self) -> usize {
-        self.bytes.len() - self.position().0
+        self.ahead().len()
+    }
+
+    /// The bytes behind the walk.
+    pub(crate) fn ahead(&self) -> &'a [u8] {
+        &self.bytes[self.position().0..]
+    }
+
+    /// Steps over so many bytes of a binary body, which were read otherwise.
+    pub(crate) fn step_over(&mut self, len: usize) {
+        if let Walk::Binary { at, .. } = &mut self.walk {
+            *at += len;
+        }
     }
 
     /// Ends the walk behind the last row, with warnings. Surplus numbers *and* surplus rows mean that a count is wrong

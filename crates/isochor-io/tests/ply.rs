@@ -372,3 +372,68 @@ fn requests_that_are_refused() {
     let f64 = WriteOptions { precision: Precision::F64, ..options };
     assert_eq!(document.with_points(&bad, &f64).unwrap().points, bad);
 }
+
+/// A tetrahedron in a binary body with a property beside x, y and z; `counts` are those of its four faces, which all name 0 2 1 3.
+fn plain_binary(big: bool, counts: [u8; 4]) -> Vec<u8> {
+    let order = if big { "big" } else { "little" };
+    let mut bytes = format!(
+        "ply\nformat binary_{order}_endian 1.0\nelement vertex 4\nproperty float y\nproperty uchar grey\nproperty double x\n\
+         property float z\nelement face 4\nproperty list uchar int vertex_indices\nend_header\n"
+    )
+    .into_bytes();
+    let mut put = |little: &[u8]| match big {
+        true => bytes.extend(little.iter().rev()),
+        false => bytes.extend(little),
+    };
+    for v in 0..4u8 {
+        put(&(f32::from(v) + 0.5).to_le_bytes());
+        put(&[v]);
+        put(&(f64::from(v) / 3.0).to_le_bytes());
+        put(&(-f32::from(v * v)).to_le_bytes());
+    }
+    for count in counts {
+        put(&[count]);
+        [0i32, 2, 1, 3][..usize::from(count)].iter().for_each(|v| put(&v.to_le_bytes()));
+    }
+    bytes
+}
+
+#[test]
+fn rows_of_one_size_are_read_and_written_like_any_others() {
+    for counts in [[3; 4], [3, 3, 4, 3], [4; 4], [3, 2, 3, 3]] {
+        let [little, big] = [false, true].map(|big| read(&plain_binary(big, counts)));
+        assert_eq!(little.mesh(), big.mesh(), "{counts:?}");
+        assert_eq!(little.warnings().len(), big.warnings().len());
+        let at = |v: f64| DVec3::new(v / 3.0, v + 0.5, -v * v);
+        assert_eq!(little.mesh().points(), [0.0, 1.0, 2.0, 3.0].map(at));
+        unchanged(&little);
+        // One coordinate changes, in its own row.
+        let mut points = little.mesh().points().to_vec();
+        points[2].x = 0.1;
+        points[3].z = -0.25;
+        let [a, b] = [&little, &big].map(|d| d.with_points(&points, &WriteOptions::default()).unwrap());
+        assert_eq!(a.points, points);
+        assert_eq!(read(&a.bytes).mesh(), read(&b.bytes).mesh());
+        let changed = (0..a.bytes.len()).filter(|i| a.bytes[*i] != little.bytes()[*i]).count();
+        assert!((2..=12).contains(&changed), "{changed} bytes: a double and a float");
+    }
+}
+
+#[test]
+fn rows_of_one_size_are_refused_like_any_others() {
+    let whole = plain_binary(false, [3; 4]);
+    let body = whole.len() - 4 * 13 - 4 * 17;
+    let with = |at: usize, number: &[u8]| {
+        let mut bytes = whole.clone();
+        bytes[at..at + number.len()].copy_from_slice(number);
+        bytes
+    };
+    refused(&with(body + 17, &f32::NAN.to_le_bytes()), Place::Byte(body + 17), "finite");
+    refused(&with(body + 2 * 17 + 5, &f64::INFINITY.to_le_bytes()), Place::Byte(body + 2 * 17 + 5), "finite");
+    let faces = body + 4 * 17;
+    refused(&with(faces + 13 + 1, &4u32.to_le_bytes()), Place::Byte(faces + 13), "names vertex 4");
+    refused(&with(faces + 13 + 5, &(-1i32).to_le_bytes()), Place::Byte(faces + 13), "names vertex -1");
+    for missing in 1..14 {
+        assert!(Document::parse(whole[..whole.len() - missing].to_vec(), Format::Ply).is_err(), "{missing}");
+    }
+}

@@ -359,10 +359,32 @@ impl CorrectError {
 ///
 /// Arrays that do not fit together, values out of range, a torn surface; [`CorrectError::Impossible`] with the reason.
 pub fn correct(pose: &Pose, wanted: &Wanted, options: &CorrectOptions) -> Result<Correction, CorrectError> {
-    // Many evaluations of a large mesh are worth its copy in a better order.
-    let is_long = options.method == Method::Nearest && pose.vertices.len() >= coarse::LEAST_VERTICES;
-    let prepare = if is_long { Corrector::new } else { Corrector::borrowed };
+    let prepare = if is_long(pose, options) { Corrector::new } else { Corrector::borrowed };
     prepare(pose.solid, pose.binding, options)?.correct(pose.vertices, wanted)
+}
+
+/// [`correct`] for the last time with `binding`: where there is a copy of it, its memory is free meanwhile.
+pub(crate) fn correct_last(
+    solid: &Solid,
+    binding: Binding,
+    vertices: &[DVec3],
+    wanted: &Wanted,
+    options: &CorrectOptions,
+) -> Result<Correction, CorrectError> {
+    let pose = Pose { solid, vertices, binding: &binding };
+    if !is_long(&pose, options) {
+        return correct(&pose, wanted, options);
+    }
+    let corrector = Corrector::new(solid, &binding, options)?.detached();
+    drop(binding);
+    let solved = corrector.solved(vertices, wanted, false)?;
+    corrector.spare.clear();
+    Ok(solved.correction(vertices))
+}
+
+/// Whether the copies of a [`Corrector`] are worth their time for a single correction: many evaluations of a large mesh are.
+fn is_long(pose: &Pose, options: &CorrectOptions) -> bool {
+    options.method == Method::Nearest && pose.vertices.len() >= coarse::LEAST_VERTICES
 }
 
 /// A body, a binding and how to correct, prepared for any number of poses and wishes.
@@ -423,6 +445,19 @@ impl<'a> Corrector<'a> {
         corrector.binding = Cow::Owned(binding.permuted(&vertices));
         corrector.order = Some(Order { places: order::places(&vertices), vertices });
         Ok(corrector)
+    }
+
+    /// The same, borrowing nothing.
+    fn detached(self) -> Corrector<'static> {
+        Corrector {
+            solid: Cow::Owned(self.solid.into_owned()),
+            binding: Cow::Owned(self.binding.into_owned()),
+            order: self.order,
+            way: self.way,
+            metric: self.metric,
+            is_movable: self.is_movable,
+            spare: self.spare,
+        }
     }
 
     /// For one correction: nothing is copied.

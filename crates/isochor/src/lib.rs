@@ -115,6 +115,7 @@ mod square;
 mod sweep;
 pub mod tolerances;
 mod topology;
+mod triangles;
 mod volume;
 
 pub use binding::{Binding, BoundVertices, displaced};

@@ -3,6 +3,9 @@
 //! What a file holds beside them (normals, texture coordinates, groups, comments) stays with the document that was
 //! read; the mathematics needs only this.
 
+use std::ops::Range;
+use std::sync::Arc;
+
 use glam::DVec3;
 
 use crate::parallel;
@@ -14,7 +17,7 @@ use crate::parallel;
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Faces {
     corners: Vec<u32>,
-    /// Where each face ends in `corners`.
+    /// Where each face ends in `corners`; empty where all faces are triangles.
     ends: Vec<u32>,
 }
 
@@ -28,7 +31,8 @@ impl Faces {
     /// No faces yet, with room for `faces` faces of `corners` corners in all.
     #[must_use]
     pub fn with_capacity(faces: usize, corners: usize) -> Self {
-        Self { corners: Vec::with_capacity(corners), ends: Vec::with_capacity(faces) }
+        let ends = if corners == faces.saturating_mul(3) { 0 } else { faces };
+        Self { corners: Vec::with_capacity(corners), ends: Vec::with_capacity(ends) }
     }
 
     /// Appends a face.
@@ -37,20 +41,43 @@ impl Faces {
     ///
     /// Panics where all faces together would have more than `u32::MAX` corners.
     pub fn push(&mut self, corners: &[u32]) {
+        if self.are_triangles() && corners.len() != 3 {
+            self.ends.extend((1..=self.len() as u32).map(|f| 3 * f));
+        }
+        let is_mixed = !self.are_triangles() || corners.len() != 3;
         self.corners.extend_from_slice(corners);
-        self.ends.push(u32::try_from(self.corners.len()).expect("a mesh has at most u32::MAX corners"));
+        let end = u32::try_from(self.corners.len()).expect("a mesh has at most u32::MAX corners");
+        if is_mixed {
+            self.ends.push(end);
+        }
     }
 
     /// Number of faces.
     #[must_use]
     pub fn len(&self) -> usize {
-        self.ends.len()
+        if self.are_triangles() { self.corners.len() / 3 } else { self.ends.len() }
     }
 
     /// Whether there is no face.
     #[must_use]
     pub fn is_empty(&self) -> bool {
+        self.len() == 0
+    }
+
+    /// Whether all faces have three corners.
+    #[must_use]
+    pub fn are_triangles(&self) -> bool {
         self.ends.is_empty()
+    }
+
+    /// Where in [`Faces::corners`] those of face `f` are.
+    #[inline]
+    pub(crate) fn range(&self, f: usize) -> Range<usize> {
+        if self.are_triangles() {
+            return 3 * f..3 * f + 3;
+        }
+        let start = if f == 0 { 0 } else { self.ends[f - 1] as usize };
+        start..self.ends[f] as usize
     }
 
     /// Corner indices of face `f`.
@@ -60,8 +87,7 @@ impl Faces {
     /// Panics where `f` is not less than [`Faces::len`].
     #[must_use]
     pub fn face(&self, f: usize) -> &[u32] {
-        let start = if f == 0 { 0 } else { self.ends[f - 1] as usize };
-        &self.corners[start..self.ends[f] as usize]
+        &self.corners[self.range(f)]
     }
 
     /// All faces in order.
@@ -73,6 +99,19 @@ impl Faces {
     #[must_use]
     pub fn corners(&self) -> &[u32] {
         &self.corners
+    }
+}
+
+impl From<Vec<[u32; 3]>> for Faces {
+    /// Triangles, without copying them.
+    ///
+    /// # Panics
+    ///
+    /// Panics where they have more than `u32::MAX` corners.
+    fn from(triangles: Vec<[u32; 3]>) -> Self {
+        let corners = triangles.into_flattened();
+        assert!(u32::try_from(corners.len()).is_ok(), "a mesh has at most u32::MAX corners");
+        Self { corners, ends: Vec::new() }
     }
 }
 
@@ -98,10 +137,12 @@ pub fn fan(polygon: &[u32]) -> impl Iterator<Item = [u32; 3]> + '_ {
 }
 
 /// Points (#vertices × 3, finite, any length unit) and the faces between them.
+///
+/// Clones, and meshes of the same faces over other points, share what they have in common.
 #[derive(Clone, Debug, Default, PartialEq)]
 pub struct Mesh {
-    points: Vec<DVec3>,
-    faces: Faces,
+    points: Arc<Vec<DVec3>>,
+    faces: Arc<Faces>,
 }
 
 /// Why points and faces do not make a [`Mesh`].
@@ -142,18 +183,20 @@ impl Mesh {
     ///
     /// A coordinate that is not finite, a face with fewer than three corners, an index beyond the points.
     pub fn new(points: Vec<DVec3>, faces: Faces) -> Result<Self, MeshError> {
-        if let Some(vertex) = points.iter().position(|p| !p.is_finite()) {
-            return Err(MeshError::NotFinite { vertex, position: points[vertex] });
+        check_points(&points)?;
+        let wrong = |range: Range<usize>| range.into_iter().find(|&f| !is_polygon(faces.face(f), points.len()));
+        let wrong = parallel::map_chunks(faces.len(), parallel::CHUNK, wrong);
+        if let Some(f) = wrong.into_iter().flatten().next() {
+            let face = faces.face(f);
+            let missing = face.iter().find(|v| **v as usize >= points.len());
+            return Err(match missing {
+                Some(&vertex) if face.len() >= 3 => {
+                    MeshError::MissingVertex { face: f, vertex, vertices: points.len() }
+                }
+                _ => MeshError::TooFewCorners { face: f, corners: face.len() },
+            });
         }
-        for (f, face) in faces.iter().enumerate() {
-            if face.len() < 3 {
-                return Err(MeshError::TooFewCorners { face: f, corners: face.len() });
-            }
-            if let Some(&vertex) = face.iter().find(|&&v| v as usize >= points.len()) {
-                return Err(MeshError::MissingVertex { face: f, vertex, vertices: points.len() });
-            }
-        }
-        Ok(Self { points, faces })
+        Ok(Self { points: Arc::new(points), faces: Arc::new(faces) })
     }
 
     /// The points, #vertices × 3.
@@ -174,7 +217,21 @@ impl Mesh {
     ///
     /// As [`Mesh::new`].
     pub fn with_points(&self, points: Vec<DVec3>) -> Result<Self, MeshError> {
-        Self::new(points, self.faces.clone())
+        if points.len() < self.points.len() {
+            return Self::new(points, Faces::clone(&self.faces));
+        }
+        check_points(&points)?;
+        Ok(Self { points: Arc::new(points), faces: Arc::clone(&self.faces) })
+    }
+
+    /// The faces, to be kept beside the mesh.
+    pub(crate) fn shared_faces(&self) -> Arc<Faces> {
+        Arc::clone(&self.faces)
+    }
+
+    /// The points, to be kept beside the mesh.
+    pub(crate) fn shared_points(&self) -> Arc<Vec<DVec3>> {
+        Arc::clone(&self.points)
     }
 
     /// Bounding box of all points, used by a face or not. `None` without points.
@@ -182,6 +239,21 @@ impl Mesh {
     pub fn bounds(&self) -> Option<Bounds> {
         Bounds::of(&self.points)
     }
+}
+
+fn check_points(points: &[DVec3]) -> Result<(), MeshError> {
+    if Bounds::of(points).is_none_or(|bounds| bounds.is_finite()) {
+        return Ok(());
+    }
+    match points.iter().position(|p| !p.is_finite()) {
+        Some(vertex) => Err(MeshError::NotFinite { vertex, position: points[vertex] }),
+        None => Ok(()),
+    }
+}
+
+/// Whether a face has at least three corners, all of them among so many vertices.
+fn is_polygon(face: &[u32], vertices: usize) -> bool {
+    face.len() >= 3 && face.iter().all(|v| (*v as usize) < vertices)
 }
 
 /// An axis-parallel box.
@@ -292,6 +364,28 @@ impl Span {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn faces_are_the_same_however_they_were_listed() {
+        let lists: [&[&[u32]]; 5] = [
+            &[],
+            &[&[0, 1, 2], &[2, 1, 3]],
+            &[&[0, 1, 2], &[0, 1, 2, 3], &[1, 2, 3]],
+            &[&[0, 1, 2, 3]],
+            &[&[], &[0, 1, 2]],
+        ];
+        for list in lists {
+            let faces: Faces = list.iter().copied().collect();
+            let mut roomy = Faces::with_capacity(10, 40);
+            list.iter().for_each(|face| roomy.push(face));
+            assert_eq!(faces, roomy);
+            assert_eq!((faces.len(), faces.is_empty()), (list.len(), list.is_empty()));
+            assert!(faces.iter().eq(list.iter().copied()));
+            assert_eq!(faces.corners(), list.concat());
+            assert_eq!(faces.are_triangles(), list.iter().all(|face| face.len() == 3));
+        }
+        assert_eq!(Faces::from(vec![[0, 1, 2], [2, 1, 3]]), lists[1].iter().copied().collect());
+    }
 
     #[test]
     fn a_box_is_finite_where_all_points_are() {

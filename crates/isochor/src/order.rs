@@ -2,6 +2,11 @@
 
 /// The indices of `keys` in ascending order of their keys, each less than `bound`. Equal keys keep their order.
 pub(crate) fn ascending(keys: &[u32], bound: usize) -> Vec<u32> {
+    grouped(keys, bound).0
+}
+
+/// [`ascending`], and where in it the indices of each key end (#bound).
+pub(crate) fn grouped(keys: &[u32], bound: usize) -> (Vec<u32>, Vec<u32>) {
     let mut next = vec![0u32; bound + 1];
     for &key in keys {
         next[key as usize + 1] += 1;
@@ -15,7 +20,8 @@ pub(crate) fn ascending(keys: &[u32], bound: usize) -> Vec<u32> {
         order[*place as usize] = i;
         *place += 1;
     }
-    order
+    next.truncate(bound); // each key's place for one more is where it ends
+    (order, next)
 }
 
 /// The place of each index in `order`.
@@ -37,5 +43,11 @@ mod tests {
         assert_eq!(order, [1, 4, 3, 0, 2]);
         assert_eq!(places(&order), [3, 0, 4, 2, 1]);
         assert!(ascending(&[], 0).is_empty());
+    }
+
+    #[test]
+    fn groups_end_where_the_next_key_begins() {
+        assert_eq!(grouped(&[2, 0, 2, 4, 0], 6).1, [2, 2, 4, 4, 5, 5]);
+        assert_eq!(grouped(&[], 2).1, [0, 0]);
     }
 }

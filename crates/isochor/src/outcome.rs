@@ -3,12 +3,14 @@
 //! All arithmetic is done relative to [`Bounds::lossless_origin`], so that a model far from the origin loses nothing; the
 //! origin is added back at the end, and what that rounding costs is measured and reported.
 
+use std::sync::Arc;
+
 use glam::{DMat3, DVec3};
 
 use crate::binding::{Binding, BoundVertices, displaced, translated};
 use crate::body::{Body, Wish};
 use crate::bspline::{Basis, BasisError};
-use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, Wanted, correct};
+use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, Wanted, correct_last};
 use crate::edit::{Edit, EditError};
 use crate::energy::Energy;
 use crate::goals::VolumeGoal;
@@ -20,13 +22,14 @@ use crate::job::{
 use crate::lattice::{Frame, Lattice, LatticeError, Outside};
 use crate::locality::{LocalityOptions, local_mobility};
 use crate::mesh::{Bounds, Mesh};
+use crate::parallel;
 use crate::points::PointTarget;
 use crate::preview::Preview;
 use crate::report::{CorrectionReport, Report, Stopwatch};
 use crate::select::{ControlSpace, SelectError};
 use crate::tolerances;
-use crate::topology::{Topology, topology};
-use crate::volume::{OpenBoundaries, Solid, SolidError, Volumes};
+use crate::topology::topology;
+use crate::volume::{OpenBoundaries, SolidError, Volumes, opening};
 
 /// A lattice with a pose, as files hold it: model coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -57,8 +60,9 @@ pub struct JobInput<'a> {
 pub struct Examination {
     /// What the model is.
     pub health: Health,
-    topology: Topology,
-    body: Result<Body, SolidError>,
+    /// Why it is refused where open models are; `None` where it is balanced.
+    opening: Option<SolidError>,
+    body: Result<Arc<Body>, SolidError>,
 }
 
 impl Examination {
@@ -69,9 +73,9 @@ impl Examination {
         let (health, solid) = Health::of(mesh, &topology, source);
         let body = solid.map(|solid| {
             let rest = health.volume.clone().unwrap_or_else(|| solid.volumes(mesh.points()));
-            Body::new(solid, rest, &health.roles)
+            Arc::new(Body::new(solid, rest, &health.roles))
         });
-        Self { health, topology, body }
+        Self { health, opening: opening(&topology), body }
     }
 }
 
@@ -114,7 +118,7 @@ pub struct Outcome {
     /// What happened.
     pub report: Report,
     /// The body, where the model bounds one.
-    body: Option<Body>,
+    body: Option<Arc<Body>>,
     deformation: Option<Deformation>,
 }
 
@@ -127,7 +131,7 @@ struct Deformation {
     /// C + δ − C⁰ (#controls × 3).
     displacement: Vec<DVec3>,
     outside: Outside,
-    rest_points: Vec<DVec3>,
+    rest_points: Arc<Vec<DVec3>>,
     /// What to add to positions here to have model coordinates.
     origin: DVec3,
     /// C⁰ (#controls × 3).
@@ -445,7 +449,7 @@ impl Job {
         on_stage: &mut dyn FnMut(Stage),
     ) -> Result<Outcome, JobError> {
         let mesh = input.mesh;
-        let Examination { topology, health, body } = examination;
+        let Examination { opening, health, body } = examination;
         let mut warnings = health.warnings.clone();
         let report = |volume, correction, warnings, watch: Stopwatch| Report {
             version: env!("CARGO_PKG_VERSION").into(),
@@ -454,6 +458,7 @@ impl Job {
             correction,
             folds: "off".into(),
             timings_ms: watch.timings(),
+            peak_memory: None,
             warnings,
         };
         if self.changes_nothing() {
@@ -471,7 +476,10 @@ impl Job {
             });
         };
         let (origin, extent) = (bounds.lossless_origin(), bounds.extent());
-        let rest_points: Vec<DVec3> = mesh.points().iter().map(|p| *p - origin).collect();
+        let rest_points = match origin {
+            DVec3::ZERO => mesh.shared_points(),
+            _ => Arc::new(parallel::collect(mesh.points().len(), |v| mesh.points()[v] - origin)),
+        };
         let near = Bounds { min: bounds.min - origin, max: bounds.max - origin };
         let controls = self.controls(input, near, origin, &mut warnings)?;
         let outside = self.lattice.as_ref().map(|request| request.outside).unwrap_or_default();
@@ -498,7 +506,7 @@ impl Job {
         }
         let edited: Vec<DVec3> = posed.iter().zip(&controls.rest).map(|(p, r)| *p - *r).collect();
         let mut displacement = edited.clone();
-        let mut points = displaced(&rest_points, &binding.apply(&displacement));
+        let mut points = binding.displaced(&rest_points, &displacement);
         watch.lap(Stage::Deform.name());
 
         on_stage(Stage::Correct);
@@ -511,10 +519,10 @@ impl Job {
             });
             correction = CorrectionReport::not_asked();
         } else {
-            if self.preserve.open == OpenBoundaries::Refuse {
-                Solid::new(mesh, &topology, OpenBoundaries::Refuse)?;
-            }
             let body = body?;
+            if let (OpenBoundaries::Refuse, Some(opening)) = (self.preserve.open, opening) {
+                return Err(opening.into());
+            }
             let is_whole = !matches!(self.preserve.volume, VolumeTarget::Each(_) | VolumeTarget::Parts(_));
             if is_whole && body.solid.encloses_nothing(mesh.points(), body.rest.total) {
                 return Err(JobError::NoVolume { volume: body.rest.total });
@@ -545,14 +553,14 @@ impl Job {
                 Objective::Bending => Some(Energy::bending(&controls.lattice)?),
             };
             let options = CorrectOptions { method, mobility: Some(mobility), energy };
-            let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
             let corrected = match self.preserve.preview {
-                None => correct(&pose, &wanted, &options),
+                None => correct_last(&body.solid, binding, &points, &wanted, &options),
                 Some(0) => {
                     let problem = "is 0: it is a number of triangles, such as 20000".into();
                     return Err(JobError::Value { key: "preserve.preview", problem });
                 }
                 Some(triangles) => {
+                    let pose = Pose { solid: &body.solid, vertices: &points, binding: &binding };
                     let preview = Preview::new(&pose, triangles)?;
                     watch.lap("simplify");
                     let corrected = preview.correct(&pose, &wanted, &options);
@@ -586,7 +594,7 @@ impl Job {
 
         let saved = controls.in_model_coordinates(&posed, origin)?;
         Ok(Outcome {
-            points: translated(&points, origin),
+            points: if origin == DVec3::ZERO { points } else { translated(&points, origin) },
             controls: Some(saved),
             report: report(volume, correction, warnings, watch),
             body: kept,

@@ -21,6 +21,9 @@ pub struct Report {
     pub folds: String,
     /// How long each stage took, in the order in which they ran.
     pub timings_ms: Timings,
+    /// The most memory that the process held until then, in bytes, with all that it did before. Programs fill it in that know it.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub peak_memory: Option<u64>,
     /// What the user should know, one sentence each.
     pub warnings: Vec<String>,
 }

@@ -29,7 +29,7 @@ use std::ops::Range;
 use glam::DVec3;
 
 use crate::mesh::Bounds;
-use crate::volume::{Solid, Volumes};
+use crate::volume::{Solid, Volumes, encloses_nothing};
 use crate::{parallel, tolerances};
 
 /// Parts of a surface of so many triangles are not divided. Larger: longer sums; smaller: boundaries as long as the parts.
@@ -99,7 +99,8 @@ pub fn roles(solid: &Solid, points: &[DVec3], volumes: &Volumes) -> Vec<Role> {
     let pieces = parallel::map(solid.component_count(), |c| Piece::new(solid.triangles_of(c), points));
     let orientation = if volumes.total < 0.0 { -1.0 } else { 1.0 };
     let volume = |c: usize| volumes.components[c] * orientation;
-    let bodies: Vec<usize> = (0..pieces.len()).filter(|&c| !pieces[c].encloses_nothing(volume(c))).collect();
+    let whole = Bounds::of(points).map_or(0.0, |b| b.extent());
+    let bodies: Vec<usize> = (0..pieces.len()).filter(|&c| !pieces[c].encloses_nothing(volume(c), whole)).collect();
     let (inward, mut outward): (Vec<usize>, Vec<usize>) = bodies.iter().partition(|&&c| volume(c) < 0.0);
     outward.sort_by(|&a, &b| volume(a).total_cmp(&volume(b))); // stable: first component first
     let surface = |k: usize| {
@@ -130,22 +131,29 @@ struct Piece<'a> {
     triangles: &'a [[u32; 3]],
     /// Vertices and apexes of the whole body.
     points: &'a [DVec3],
-    bounds: Bounds,
 }
 
 impl<'a> Piece<'a> {
     fn new(triangles: &'a [[u32; 3]], points: &'a [DVec3]) -> Self {
-        Self { triangles, points, bounds: bounds(triangles, points) }
+        Self { triangles, points }
     }
 
-    /// As [`Solid::encloses_nothing`], for the component alone.
-    fn encloses_nothing(&self, volume: f64) -> bool {
+    /// As [`Solid::encloses_nothing`], for the component alone; `whole` is the extent of the whole body.
+    fn encloses_nothing(&self, volume: f64, whole: f64) -> bool {
         let doubled = |t: &[u32; 3]| {
             let [a, b, c] = t.map(|v| self.points[v as usize]);
             (b - a).cross(c - a).length()
         };
-        let area = self.triangles.iter().map(doubled).sum::<f64>() / 2.0;
-        volume.abs() <= tolerances::NO_VOLUME * area * self.bounds.extent()
+        let area = || {
+            let parts = parallel::map_chunks(self.triangles.len(), parallel::CHUNK, |range| {
+                self.triangles[range].iter().map(doubled).sum::<f64>()
+            });
+            parts.iter().sum::<f64>() / 2.0
+        };
+        let count = self.triangles.len();
+        // Most components are too large for that even in the box of the whole body, which is known.
+        encloses_nothing(volume, count, whole, area)
+            && encloses_nothing(volume, count, bounds(self.triangles, self.points).extent(), area)
     }
 
     /// Centroids of triangles, spread over the component.
@@ -249,10 +257,12 @@ impl<'a> Surface<'a> {
 /// The box round some triangles; of none, the origin.
 fn bounds(triangles: &[[u32; 3]], points: &[DVec3]) -> Bounds {
     let first = triangles.first().map_or(DVec3::ZERO, |t| points[t[0] as usize]);
-    triangles.as_flattened().iter().fold(Bounds { min: first, max: first }, |b, &v| {
-        let p = points[v as usize];
-        Bounds { min: b.min.min(p), max: b.max.max(p) }
-    })
+    let with = |b: Bounds, p: DVec3| Bounds { min: b.min.min(p), max: b.max.max(p) };
+    let parts = parallel::map_chunks(triangles.len(), parallel::CHUNK, |range| {
+        let corners = triangles[range].as_flattened();
+        corners.iter().fold(Bounds { min: first, max: first }, |b, &v| with(b, points[v as usize]))
+    });
+    parts.iter().fold(Bounds { min: first, max: first }, |b, part| with(with(b, part.min), part.max))
 }
 
 /// The edges that are left where opposite ones cancel.

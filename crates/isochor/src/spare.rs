@@ -22,6 +22,13 @@ impl Spare {
         let items = self.0.lock().ok().and_then(|mut arrays| arrays.pop()).unwrap_or_default();
         Array { items, spare: self.clone() }
     }
+
+    /// Gives the memory of arrays that are no longer needed back to the system.
+    pub(crate) fn clear(&self) {
+        if let Ok(mut arrays) = self.0.lock() {
+            arrays.clear();
+        }
+    }
 }
 
 impl Array {

@@ -3,9 +3,16 @@
 //! All of it is taken after vertices at bit-equal places have been welded (0 and −0 count as equal) and corners that fell
 //! together have been dropped, and it is counted on polygons, not on the triangles they are fanned into.
 
+use std::borrow::Cow;
+use std::ops::Range;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
+
+use glam::DVec3;
 use rustc_hash::FxHashMap;
 
-use crate::mesh::Mesh;
+use crate::mesh::{Faces, Mesh};
+use crate::order;
+use crate::parallel;
 
 /// Counts and labels of a mesh; see the module for what is counted.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -81,148 +88,313 @@ impl Topology {
     }
 }
 
-/// One side of a polygon.
-struct HalfEdge {
-    from: u32,
-    to: u32,
-    face: u32,
-    /// The half-edge that follows it round its polygon.
-    next: u32,
-}
-
-/// A half-edge, filed under its edge.
-#[derive(Clone, Copy, Default)]
-struct Side {
-    low: u32,
-    high: u32,
-    half_edge: u32,
-    /// Whether it runs from `low` to `high`.
-    is_forward: bool,
-}
+/// No corner.
+const NONE: u32 = u32::MAX;
 
 /// The topology of `mesh`. Time and memory are linear in the number of corners.
+///
+/// Whatever is to be known of edges is told by the corners at their ends, so corners are filed under their vertices, and the
+/// vertices are looked at in any order, by many threads. Beside the result that takes 4 bytes per corner, 4 per vertex and 4 per face.
 #[must_use]
 pub fn topology(mesh: &Mesh) -> Topology {
-    let welded = welded_vertices(mesh);
+    let (welded, coincident_vertices) = welded_vertices(mesh.points());
     let (vertices, face_count) = (welded.len(), mesh.faces().len());
-    let (half_edges, collapsed_faces) = half_edges(mesh, &welded);
-    let edges = sides(&half_edges, vertices);
+    let (polygons, collapsed_faces) = polygons(mesh.faces(), &welded, coincident_vertices);
+    let corners = Corners::of(&polygons, vertices);
+    let pieces = SharedSets::new(face_count);
+    let parts = parallel::map_chunks(vertices, parallel::CHUNK, |range| {
+        let mut part = Part::default();
+        let mut fan = Fan::default();
+        range.for_each(|v| fan.add_to(&mut part, v as u32, &corners, &pieces));
+        part
+    });
 
-    let mut faces = DisjointSets::new(face_count);
-    let mut fans = DisjointSets::new(half_edges.len());
-    let mut boundary = DisjointSets::new(vertices);
-    let (mut edge_count, mut boundary_edges, mut nonmanifold_edges, mut inconsistent_edges) = (0, 0, 0, 0);
-    let mut first_nonmanifold_edge = None;
-    let mut boundary_vertices = Vec::new();
-    let mut unbalanced = Vec::new();
-    for group in edges.chunk_by(|a, b| (a.low, a.high) == (b.low, b.high)) {
-        edge_count += 1;
-        let Side { low, high, .. } = group[0];
-        let forward = group.iter().filter(|side| side.is_forward).count();
-        for pair in group.windows(2) {
-            faces.union(half_edges[pair[0].half_edge as usize].face, half_edges[pair[1].half_edge as usize].face);
-        }
-        match group {
-            [_] => {
-                boundary_edges += 1;
-                boundary.union(low, high);
-                boundary_vertices.push(low);
-            }
-            [a, b] => {
-                // Both corners of the edge belong to one fan each.
-                let (a, b) = (a.half_edge, b.half_edge);
-                let (a_next, b_next) = (half_edges[a as usize].next, half_edges[b as usize].next);
-                if forward == 1 {
-                    fans.union(a, b_next);
-                    fans.union(a_next, b);
-                } else {
-                    inconsistent_edges += 1;
-                    fans.union(a, b);
-                    fans.union(a_next, b_next);
-                }
-            }
-            _ => {
-                nonmanifold_edges += 1;
-                first_nonmanifold_edge.get_or_insert([low, high]);
-            }
-        }
-        let backward = group.len() - forward;
-        if forward != backward {
-            let (from, to) = if forward > backward { (low, high) } else { (high, low) };
-            let surplus = group.iter().filter(|side| side.is_forward == (from == low));
-            let face = surplus.map(|side| half_edges[side.half_edge as usize].face).min();
-            let face = face.expect("the surplus direction is run at least once");
-            unbalanced.push(UnbalancedEdge { from, to, surplus: forward.abs_diff(backward) as u32, face });
-        }
-    }
-
-    let mut component_of_face = vec![u32::MAX; face_count];
-    let mut component_of_root = vec![u32::MAX; face_count];
-    let mut components = 0;
-    let mut live_faces = 0i64;
-    for h in &half_edges {
-        if component_of_face[h.face as usize] == u32::MAX {
-            live_faces += 1;
-            let root = faces.root(h.face) as usize;
-            if component_of_root[root] == u32::MAX {
-                component_of_root[root] = components;
-                components += 1;
-            }
-            component_of_face[h.face as usize] = component_of_root[root];
-        }
-    }
-
-    // Half-edge h stands for the corner at its start.
-    let mut fan_of_vertex = vec![u32::MAX; vertices];
-    let mut pinched = vec![false; vertices];
-    let mut live_vertices = 0i64;
-    for (h, half_edge) in half_edges.iter().enumerate() {
-        let (v, fan) = (half_edge.from as usize, fans.root(h as u32));
-        if fan_of_vertex[v] == u32::MAX {
-            live_vertices += 1;
-            fan_of_vertex[v] = fan;
-        }
-        pinched[v] |= fan_of_vertex[v] != fan;
-    }
-    let mut named = vec![false; vertices];
-    for &v in mesh.faces().corners() {
-        named[v as usize] = true;
-    }
-    boundary_vertices.iter_mut().for_each(|v| *v = boundary.root(*v));
-    boundary_vertices.sort_unstable();
-    boundary_vertices.dedup();
-
+    let mut all = Part::default();
+    parts.into_iter().for_each(|part| all.append(part));
+    let unused_vertices = match &polygons {
+        Cow::Borrowed(_) => vertices - all.vertices,
+        Cow::Owned(_) => unnamed(mesh.faces(), vertices),
+    };
+    drop(corners);
+    let (component_of_face, components) = pieces.numbered(|face| !polygons.face(face).is_empty());
     Topology {
-        coincident_vertices: welded.iter().enumerate().filter(|&(v, &w)| v != w as usize).count(),
+        coincident_vertices,
         welded,
-        unused_vertices: named.iter().filter(|named| !**named).count(),
+        unused_vertices,
         collapsed_faces,
-        boundary_edges,
-        boundary_loops: boundary_vertices.len(),
-        nonmanifold_edges,
-        first_nonmanifold_edge,
-        inconsistent_edges,
-        nonmanifold_vertices: pinched.iter().filter(|p| **p).count(),
-        unbalanced,
-        components: components as usize,
+        boundary_edges: all.boundary.len(),
+        boundary_loops: loops(&all.boundary, vertices),
+        nonmanifold_edges: all.nonmanifold_edges,
+        first_nonmanifold_edge: all.first_nonmanifold_edge,
+        inconsistent_edges: all.inconsistent_edges,
+        nonmanifold_vertices: all.nonmanifold_vertices,
+        unbalanced: all.unbalanced,
+        components,
         component_of_face,
-        euler_characteristic: live_vertices - edge_count + live_faces,
+        euler_characteristic: all.vertices as i64 - all.edges as i64 + (face_count - collapsed_faces) as i64,
     }
 }
 
-/// For each vertex the first vertex at the same place.
-fn welded_vertices(mesh: &Mesh) -> Vec<u32> {
-    let mut first_at = FxHashMap::with_capacity_and_hasher(mesh.points().len(), Default::default());
-    let place = |p: &glam::DVec3| p.to_array().map(|x| (x + 0.0).to_bits()); // −0 + 0 = 0
-    mesh.points().iter().zip(0..).map(|(p, v)| *first_at.entry(place(p)).or_insert(v)).collect()
+/// What there is at some vertices and at those edges of which they are the lower end.
+#[derive(Default)]
+struct Part {
+    /// Vertices with corners.
+    vertices: usize,
+    edges: usize,
+    /// Edges with one face.
+    boundary: Vec<[u32; 2]>,
+    nonmanifold_edges: usize,
+    first_nonmanifold_edge: Option<[u32; 2]>,
+    inconsistent_edges: usize,
+    nonmanifold_vertices: usize,
+    unbalanced: Vec<UnbalancedEdge>,
 }
 
-/// The sides of all polygons between welded vertices, and the number of polygons that collapsed.
-fn half_edges(mesh: &Mesh, welded: &[u32]) -> (Vec<HalfEdge>, usize) {
-    let mut half_edges = Vec::with_capacity(mesh.faces().corners().len());
+impl Part {
+    /// Adds a part of later vertices.
+    fn append(&mut self, mut later: Self) {
+        self.vertices += later.vertices;
+        self.edges += later.edges;
+        self.boundary.append(&mut later.boundary);
+        self.nonmanifold_edges += later.nonmanifold_edges;
+        self.first_nonmanifold_edge = self.first_nonmanifold_edge.or(later.first_nonmanifold_edge);
+        self.inconsistent_edges += later.inconsistent_edges;
+        self.nonmanifold_vertices += later.nonmanifold_vertices;
+        self.unbalanced.append(&mut later.unbalanced);
+    }
+}
+
+/// A corner of a polygon, as its vertex sees it.
+#[derive(Clone, Copy, Default)]
+struct Corner {
+    face: u32,
+    /// The vertex behind it round the polygon.
+    next: u32,
+    /// The vertex before it.
+    previous: u32,
+}
+
+/// An edge at a vertex, as one of its corners sees it.
+#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
+struct Side {
+    /// The other end.
+    far: u32,
+    /// Index of the corner at the vertex.
+    corner: u32,
+    /// Whether the polygon runs along the edge away from the vertex.
+    is_outward: bool,
+}
+
+/// The corners at one vertex, in memory that serves many.
+#[derive(Default)]
+struct Fan {
+    corners: Vec<Corner>,
+    sides: Vec<Side>,
+}
+
+/// Corners of a vertex up to which all pairs are looked at. More: it takes long; fewer: ordinary vertices are sorted.
+const FEW_CORNERS: usize = 16;
+
+impl Fan {
+    /// Adds to `part` what there is at vertex v, and unites the faces that share an edge of which it is the lower end.
+    fn add_to(&mut self, part: &mut Part, v: u32, corners: &Corners, pieces: &SharedSets) {
+        corners.collect_at(v, &mut self.corners);
+        if self.corners.is_empty() {
+            return;
+        }
+        part.vertices += 1;
+        if !self.add_closed(part, v, pieces) {
+            self.add_any(part, v, pieces);
+        }
+    }
+
+    /// Goes once round the vertex: from each corner over the edge before it to the corner behind that edge. Where this comes to each
+    /// corner before it is back, every edge here has two faces, run once in each direction. `false`: it does not, and nothing was added.
+    fn add_closed(&self, part: &mut Part, v: u32, pieces: &SharedSets) -> bool {
+        let corners = &self.corners[..];
+        if corners.len() > FEW_CORNERS {
+            return false;
+        }
+        let mut round = [0; FEW_CORNERS];
+        let mut at = 0;
+        for turn in &mut round[..corners.len()] {
+            *turn = at;
+            let Some(next) = corners.iter().position(|corner| corner.next == corners[at].previous) else {
+                return false;
+            };
+            at = next;
+            if at == 0 {
+                break;
+            }
+        }
+        // The last corner that was reached, 0 unless it is the only one, closes the round.
+        let is_closed = at == 0 && (corners.len() == 1 || round[corners.len() - 1] != 0);
+        if !is_closed {
+            return false;
+        }
+        for (turn, &at) in round[..corners.len()].iter().enumerate() {
+            let Corner { face, previous, .. } = corners[at];
+            if previous > v {
+                part.edges += 1;
+                let across = round[..corners.len()].get(turn + 1).map_or(0, |next| *next);
+                pieces.unite(face, corners[across].face);
+            }
+        }
+        true
+    }
+
+    /// The same for any corners.
+    fn add_any(&mut self, part: &mut Part, v: u32, pieces: &SharedSets) {
+        self.sides.clear();
+        for (corner, &Corner { next, previous, .. }) in (0..).zip(&self.corners) {
+            self.sides.push(Side { far: next, corner, is_outward: true });
+            self.sides.push(Side { far: previous, corner, is_outward: false });
+        }
+        self.sides.sort_unstable();
+        let mut fans = DisjointSets::new(self.corners.len());
+        for edge in self.sides.chunk_by(|a, b| a.far == b.far) {
+            if let [a, b] = edge {
+                fans.union(a.corner, b.corner);
+            }
+            if edge[0].far > v {
+                self.add_edge(part, v, edge, pieces);
+            }
+        }
+        let is_whole = (0..self.corners.len() as u32).all(|corner| fans.root(corner) == 0);
+        part.nonmanifold_vertices += usize::from(!is_whole);
+    }
+
+    /// Adds the edge from v with these sides, v being its lower end.
+    fn add_edge(&self, part: &mut Part, v: u32, edge: &[Side], pieces: &SharedSets) {
+        let face = |side: &Side| self.corners[side.corner as usize].face;
+        let far = edge[0].far;
+        part.edges += 1;
+        edge.windows(2).for_each(|pair| pieces.unite(face(&pair[0]), face(&pair[1])));
+        match edge {
+            [_] => part.boundary.push([v, far]),
+            [a, b] => part.inconsistent_edges += usize::from(a.is_outward == b.is_outward),
+            _ => {
+                part.nonmanifold_edges += 1;
+                part.first_nonmanifold_edge.get_or_insert([v, far]);
+            }
+        }
+        let outward = edge.iter().filter(|side| side.is_outward).count();
+        let inward = edge.len() - outward;
+        if outward != inward {
+            let is_outward = outward > inward;
+            let (from, to) = if is_outward { (v, far) } else { (far, v) };
+            let face = edge.iter().filter(|side| side.is_outward == is_outward).map(face).min();
+            let face = face.expect("the surplus direction is run at least once");
+            part.unbalanced.push(UnbalancedEdge { from, to, surplus: outward.abs_diff(inward) as u32, face });
+        }
+    }
+}
+
+/// The corners of all polygons by vertex: from the last corner of each vertex to the one before it, and so on.
+struct Corners<'a> {
+    polygons: &'a Faces,
+    face_of_corner: FaceOfCorner,
+    /// The last corner at each vertex (#vertices).
+    last: Vec<u32>,
+    /// The corner before each at the same vertex (#corners).
+    before: Vec<u32>,
+}
+
+/// Which face a corner belongs to.
+enum FaceOfCorner {
+    /// Corner c to face c / 3.
+    Triangles,
+    /// As listed (#corners).
+    Any(Vec<u32>),
+}
+
+impl<'a> Corners<'a> {
+    fn of(polygons: &'a Faces, vertices: usize) -> Self {
+        let mut last = vec![NONE; vertices];
+        let mut before = Vec::with_capacity(polygons.corners().len());
+        for (corner, &v) in (0..).zip(polygons.corners()) {
+            before.push(std::mem::replace(&mut last[v as usize], corner));
+        }
+        let face_of_corner = if polygons.are_triangles() {
+            FaceOfCorner::Triangles
+        } else {
+            let faces = (0..).zip(polygons.iter());
+            FaceOfCorner::Any(faces.flat_map(|(face, polygon)| std::iter::repeat_n(face, polygon.len())).collect())
+        };
+        Self { polygons, face_of_corner, last, before }
+    }
+
+    /// The corners at vertex v in place of what `found` held, last first.
+    #[inline]
+    fn collect_at(&self, v: u32, found: &mut Vec<Corner>) {
+        found.clear();
+        let mut c = self.last[v as usize];
+        while c != NONE {
+            found.push(self.corner(c as usize));
+            c = self.before[c as usize];
+        }
+    }
+
+    #[inline]
+    fn corner(&self, c: usize) -> Corner {
+        let all = self.polygons.corners();
+        match &self.face_of_corner {
+            FaceOfCorner::Triangles => {
+                let (face, k) = (c / 3, c % 3);
+                let of = |k: usize| all[3 * face + k];
+                Corner { face: face as u32, next: of((k + 1) % 3), previous: of((k + 2) % 3) }
+            }
+            FaceOfCorner::Any(faces) => {
+                let face = faces[c];
+                let Range { start, end } = self.polygons.range(face as usize);
+                let next = if c + 1 < end { c + 1 } else { start };
+                let previous = if c > start { c - 1 } else { end - 1 };
+                Corner { face, next: all[next], previous: all[previous] }
+            }
+        }
+    }
+}
+
+/// For each of `points` the first at the same place, and how many come after another one.
+fn welded_vertices(points: &[DVec3]) -> (Vec<u32>, usize) {
+    /// Points that are looked up together, about. More: they leave the cache; fewer: more to do per group.
+    const GROUP: usize = 2048;
+    /// Odd and without pattern: the upper half of a sum of products depends on all digits of a place.
+    const MIX: [u64; 3] = [0x9e37_79b9_7f4a_7c15, 0xbf58_476d_1ce4_e5b9, 0x94d0_49bb_1331_11eb];
+    let place = |v: usize| points[v].to_array().map(|x| (x + 0.0).to_bits()); // −0 + 0 = 0
+    // Points at one place come into one group, in their order.
+    let groups = points.len().div_ceil(GROUP);
+    let group = |v: usize| {
+        let mixed = place(v).iter().zip(MIX).fold(0u64, |sum, (x, by)| sum.wrapping_add(x.wrapping_mul(by)));
+        (((mixed >> 32) * groups as u64) >> 32) as u32
+    };
+    let (order, ends) = order::grouped(&parallel::collect(points.len(), group), groups);
+    let twins = parallel::map(groups, |g| {
+        let group = &order[g.checked_sub(1).map_or(0, |g| ends[g] as usize)..ends[g] as usize];
+        let mut first_at = FxHashMap::with_capacity_and_hasher(group.len(), Default::default());
+        let pair =
+            |&v: &u32| Some([*first_at.entry(place(v as usize)).or_insert(v), v]).filter(|[first, v]| first != v);
+        group.iter().filter_map(pair).collect::<Vec<_>>()
+    });
+    let mut welded: Vec<u32> = (0..points.len() as u32).collect();
+    twins.iter().flatten().for_each(|[first, v]| welded[*v as usize] = *first);
+    (welded, twins.iter().map(Vec::len).sum())
+}
+
+/// The polygons between welded vertices, and how many collapsed: these have no corners.
+fn polygons<'a>(faces: &'a Faces, welded: &[u32], coincident_vertices: usize) -> (Cow<'a, Faces>, usize) {
+    let has_double = |polygon: &[u32]| polygon.windows(2).any(|w| w[0] == w[1]) || polygon.first() == polygon.last();
+    let is_plain = |faces: &Faces| {
+        let parts = |range: Range<usize>| range.into_iter().any(|f| has_double(faces.face(f)));
+        !parallel::map_chunks(faces.len(), parallel::CHUNK, parts).contains(&true)
+    };
+    if coincident_vertices == 0 && is_plain(faces) {
+        return (Cow::Borrowed(faces), 0);
+    }
+    let mut polygons = Faces::with_capacity(faces.len(), faces.corners().len());
     let mut collapsed = 0;
     let mut corners: Vec<u32> = Vec::new();
-    for (face, polygon) in mesh.faces().iter().enumerate() {
+    for polygon in faces.iter() {
         corners.clear();
         corners.extend(polygon.iter().map(|&v| welded[v as usize]));
         corners.dedup();
@@ -231,42 +403,89 @@ fn half_edges(mesh: &Mesh, welded: &[u32]) -> (Vec<HalfEdge>, usize) {
         }
         if corners.len() < 3 {
             collapsed += 1;
-            continue;
+            corners.clear();
         }
-        let start = half_edges.len() as u32;
-        let n = corners.len();
-        half_edges.extend((0..n).map(|k| HalfEdge {
-            from: corners[k],
-            to: corners[(k + 1) % n],
-            face: face as u32,
-            next: start + ((k + 1) % n) as u32,
-        }));
+        polygons.push(&corners);
     }
-    (half_edges, collapsed)
+    (Cow::Owned(polygons), collapsed)
 }
 
-/// All half-edges by their lower and higher vertex, in file order within an edge: a counting sort by lower vertex, then a small
-/// sort per vertex.
-fn sides(half_edges: &[HalfEdge], vertices: usize) -> Vec<Side> {
-    let mut starts = vec![0u32; vertices + 1];
-    for h in half_edges {
-        starts[h.from.min(h.to) as usize + 1] += 1;
+/// Vertices that no face names.
+fn unnamed(faces: &Faces, vertices: usize) -> usize {
+    let mut named = vec![false; vertices];
+    faces.corners().iter().for_each(|v| named[*v as usize] = true);
+    named.iter().filter(|named| !**named).count()
+}
+
+/// Connected pieces of `edges`.
+fn loops(edges: &[[u32; 2]], vertices: usize) -> usize {
+    if edges.is_empty() {
+        return 0;
     }
-    for v in 0..vertices {
-        starts[v + 1] += starts[v];
+    let mut pieces = DisjointSets::new(vertices);
+    edges.iter().for_each(|[a, b]| pieces.union(*a, *b));
+    let mut roots: Vec<u32> = edges.iter().map(|[a, _]| pieces.root(*a)).collect();
+    roots.sort_unstable();
+    roots.dedup();
+    roots.len()
+}
+
+/// [`DisjointSets`] that many threads unite at once. The root of a set is its least member, whoever comes first.
+struct SharedSets {
+    /// A member that is not greater; a root is its own.
+    parent: Vec<AtomicU32>,
+}
+
+impl SharedSets {
+    fn new(n: usize) -> Self {
+        Self { parent: (0..n as u32).map(AtomicU32::new).collect() }
     }
-    let mut next = starts.clone();
-    let mut sides = vec![Side::default(); half_edges.len()];
-    for (half_edge, h) in (0..).zip(half_edges) {
-        let (low, high) = (h.from.min(h.to), h.from.max(h.to));
-        let slot = &mut next[low as usize];
-        sides[*slot as usize] = Side { low, high, half_edge, is_forward: h.from == low };
-        *slot += 1;
+
+    fn root(&self, mut i: u32) -> u32 {
+        loop {
+            let parent = self.parent[i as usize].load(Relaxed);
+            let up = self.parent[parent as usize].load(Relaxed);
+            if up == parent {
+                return up;
+            }
+            // Any ancestor will do, so it does not matter which thread writes last.
+            self.parent[i as usize].store(up, Relaxed);
+            i = up;
+        }
     }
-    for bucket in starts.windows(2) {
-        sides[bucket[0] as usize..bucket[1] as usize].sort_unstable_by_key(|side| (side.high, side.half_edge));
+
+    fn unite(&self, mut a: u32, mut b: u32) {
+        loop {
+            (a, b) = (self.root(a), self.root(b));
+            if a == b {
+                return;
+            }
+            let (least, other) = (a.min(b), a.max(b));
+            // Only roots are tied to others.
+            if self.parent[other as usize].compare_exchange(other, least, Relaxed, Relaxed).is_ok() {
+                return;
+            }
+        }
     }
-    sides
+
+    /// The number of the set of each member, by first member that `is_live`, and how many there are; `u32::MAX` for others, which are
+    /// sets of their own.
+    fn numbered(self, is_live: impl Fn(usize) -> bool) -> (Vec<u32>, usize) {
+        let mut numbers: Vec<u32> = self.parent.into_iter().map(AtomicU32::into_inner).collect();
+        let mut sets = 0;
+        for i in 0..numbers.len() {
+            let parent = numbers[i] as usize;
+            numbers[i] = match parent < i {
+                true => numbers[parent],
+                false if is_live(i) => {
+                    sets += 1;
+                    sets - 1
+                }
+                false => u32::MAX,
+            };
+        }
+        (numbers, sets as usize)
+    }
 }
 
 /// Disjoint sets of 0..n under union; the root of a set is its least member.

@@ -21,6 +21,7 @@
 
 use std::borrow::Cow;
 use std::ops::Range;
+use std::sync::OnceLock;
 
 use fearless_simd::{Level, dispatch};
 use glam::DVec3;
@@ -32,6 +33,7 @@ use crate::parallel;
 use crate::sweep::{self, PackedSum};
 use crate::tolerances;
 use crate::topology::{DisjointSets, Topology};
+use crate::triangles::Triangles;
 
 /// What to do about a mesh with boundaries.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -51,16 +53,23 @@ pub enum OpenBoundaries {
 pub struct Solid {
     vertices: usize,
     /// Triangles of component after component, caps last within each. Indices from `vertices` on are cap apexes.
-    triangles: Vec<[u32; 3]>,
+    triangles: Triangles,
     components: Vec<Range<usize>>,
     caps: Vec<Cap>,
-    /// Triangles that touch part b of the vertices, `PART · b ..`: `touching[part_starts[b]..part_starts[b + 1]]`, ascending.
-    part_starts: Vec<u32>,
-    touching: Vec<u32>,
+    /// Known from the first gradient on.
+    touching: OnceLock<Touching>,
     /// Pairs of vertices at one place at rest.
     twins: Vec<[u32; 2]>,
-    /// Whether a vertex shares its place with another (#vertices).
+    /// Whether a vertex shares its place with another (#vertices; empty where none does).
     has_twin: Vec<bool>,
+}
+
+/// Triangles by the parts of the vertices that they touch.
+#[derive(Clone, Debug)]
+struct Touching {
+    /// Those of part b, the vertices `PART · b ..`, are `triangles[starts[b]..starts[b + 1]]`, ascending.
+    starts: Vec<u32>,
+    triangles: Vec<u32>,
 }
 
 /// A boundary that is closed virtually.
@@ -144,74 +153,26 @@ impl Solid {
     ///
     /// No faces; boundaries, if they are to be refused; inconsistent winding; an extent out of range.
     pub fn new(mesh: &Mesh, topology: &Topology, open: OpenBoundaries) -> Result<Self, SolidError> {
-        if topology.components == 0 {
-            return Err(SolidError::NoFaces);
-        }
-        let extent = mesh.bounds().map_or(0.0, |b| b.extent());
-        if !tolerances::EXTENTS.contains(&extent) {
-            return Err(SolidError::Extent { extent });
-        }
-        let mut twisted = topology.unbalanced.iter().filter(|edge| edge.surplus > 1);
-        if let Some(first) = twisted.next() {
-            return Err(SolidError::Winding {
-                edges: 1 + twisted.count(),
-                surplus: first.surplus,
-                from: first.from,
-                to: first.to,
-                face: first.face,
-            });
-        }
-        if let (OpenBoundaries::Refuse, Some(first)) = (open, topology.unbalanced.first()) {
-            return Err(SolidError::Open {
-                boundary_edges: topology.boundary_edges,
-                boundary_loops: topology.boundary_loops,
-                from: first.from,
-                to: first.to,
-                face: first.face,
-            });
-        }
-
+        check(mesh, topology, open)?;
         let vertices = mesh.points().len();
         let (caps, cap_triangles) = caps(topology, vertices);
+        let (triangles, components) = by_component(mesh, topology, &cap_triangles);
         let welded = &topology.welded;
-        let distinct = |t: &[u32; 3]| {
-            let [a, b, c] = t.map(|v| welded[v as usize]);
-            a != b && b != c && c != a
-        };
-        let labelled = mesh.faces().iter().zip(&topology.component_of_face).filter(|(_, c)| **c != u32::MAX);
-        let mut all: Vec<(u32, [u32; 3])> =
-            labelled.flat_map(|(polygon, &c)| fan(polygon).filter(distinct).map(move |t| (c, t))).collect();
-        all.extend(cap_triangles.iter().map(|(face, t)| (topology.component_of_face[*face as usize], *t)));
-        all.sort_by_key(|(component, _)| *component); // stable: file order within a component
-        let ends = (0..topology.components).map(|c| all.partition_point(|t| t.0 as usize <= c));
-        let components = ends.scan(0, |start, end| Some(std::mem::replace(start, end)..end)).collect();
-        let triangles: Vec<[u32; 3]> = all.into_iter().map(|(_, t)| t).collect();
-
         let twins: Vec<[u32; 2]> = (0..).zip(welded).filter(|(v, w)| v != *w).map(|(v, &w)| [w, v]).collect();
-        let mut has_twin = vec![false; vertices];
+        let mut has_twin = vec![false; if twins.is_empty() { 0 } else { vertices }];
         twins.iter().flatten().for_each(|v: &u32| has_twin[*v as usize] = true);
-        Ok(Self::indexed(Self {
-            vertices,
-            triangles,
-            components,
-            caps,
-            part_starts: Vec::new(),
-            touching: Vec::new(),
-            twins,
-            has_twin,
-        }))
+        Ok(Self::indexed(Self { vertices, triangles, components, caps, touching: OnceLock::new(), twins, has_twin }))
     }
 
-    /// Fills in what follows from the triangles: the fans of the caps and the triangles at each part of the vertices.
+    /// Fills in what follows from the triangles: the fans of the caps.
     fn indexed(mut self) -> Self {
         if !self.caps.is_empty() {
-            for (t, [_, _, apex]) in (0..).zip(&self.triangles) {
+            for (t, [_, _, apex]) in (0..).zip(&*self.triangles) {
                 if let Some(cap) = (*apex as usize).checked_sub(self.vertices) {
                     self.caps[cap].fan.push(t);
                 }
             }
         }
-        (self.part_starts, self.touching) = touching(&self.triangles, self.vertices);
         self
     }
 
@@ -226,28 +187,28 @@ impl Solid {
         assert_eq!(order.len(), self.vertices, "one entry for each vertex of the solid");
         let places = order::places(order);
         let place = |v: u32| places.get(v as usize).copied().unwrap_or(v); // apexes stay
-        let moved = parallel::collect(self.triangles.len(), |t| self.triangles[t].map(place));
-        let least = parallel::collect(moved.len(), |t| moved[t].into_iter().min().unwrap_or_default());
-        let mut by_vertex = order::ascending(&least, self.vertices);
+        let triangles = &*self.triangles;
+        let least = |t: usize| triangles[t].map(place).into_iter().min().unwrap_or_default();
+        let mut by_vertex = order::ascending(&parallel::collect(triangles.len(), least), self.vertices);
         if self.components.len() > 1 {
-            let mut component = vec![0; moved.len()];
+            let mut component = vec![0; triangles.len()];
             for (c, range) in (0..).zip(&self.components) {
                 component[range.clone()].fill(c);
             }
-            let keys = parallel::collect(moved.len(), |i| component[by_vertex[i] as usize]);
+            let keys = parallel::collect(triangles.len(), |i| component[by_vertex[i] as usize]);
             let by_component = order::ascending(&keys, self.components.len());
-            by_vertex = parallel::collect(moved.len(), |i| by_vertex[by_component[i] as usize]);
+            by_vertex = parallel::collect(triangles.len(), |i| by_vertex[by_component[i] as usize]);
         }
+        let ordered = parallel::collect(triangles.len(), |i| triangles[by_vertex[i] as usize].map(place));
         let cap = |cap: &Cap| Cap { members: cap.members.iter().map(|&v| place(v)).collect(), fan: Vec::new() };
         Self::indexed(Self {
             vertices: self.vertices,
-            triangles: parallel::collect(moved.len(), |i| moved[by_vertex[i] as usize]),
+            triangles: ordered.into(),
             components: self.components.clone(),
             caps: self.caps.iter().map(cap).collect(),
-            part_starts: Vec::new(),
-            touching: Vec::new(),
+            touching: OnceLock::new(),
             twins: self.twins.iter().map(|pair| pair.map(place)).collect(),
-            has_twin: order.iter().map(|&v| self.has_twin[v as usize]).collect(),
+            has_twin: self.twins_among(order),
         })
     }
 
@@ -278,7 +239,13 @@ impl Solid {
 
     /// Whether vertex `v` stood at one place with another at rest.
     pub(crate) fn has_twin(&self, v: usize) -> bool {
-        self.has_twin[v]
+        self.has_twin.get(v).is_some_and(|has| *has)
+    }
+
+    /// [`Solid::has_twin`] of each of `vertices`; empty where no vertex has one.
+    fn twins_among(&self, vertices: &[u32]) -> Vec<bool> {
+        let among = if self.twins.is_empty() { &[] } else { vertices };
+        among.iter().map(|v| self.has_twin[*v as usize]).collect()
     }
 
     /// Signed volumes of the pose `points` (#vertices × 3), caps included.
@@ -412,6 +379,7 @@ impl Solid {
     ) -> Vec<R> {
         debug_assert!(self.caps.is_empty(), "a body without caps");
         let points = self.near_with_apexes(points);
+        self.touching(); // threads do not wait for one another
         parallel::map_chunks(self.vertices, PART, |part| {
             let mut sums = vec![PackedSum::default(); part.len()];
             let added = add(&points, part.start, &mut sums);
@@ -420,9 +388,14 @@ impl Solid {
         })
     }
 
+    fn touching(&self) -> &Touching {
+        self.touching.get_or_init(|| Touching::of(&self.triangles, self.vertices))
+    }
+
     /// The triangles that touch part `part` of the vertices, ascending.
     fn triangles_at(&self, part: usize) -> &[u32] {
-        &self.touching[self.part_starts[part] as usize..self.part_starts[part + 1] as usize]
+        let Touching { starts, triangles } = self.touching();
+        &triangles[starts[part] as usize..starts[part + 1] as usize]
     }
 
     /// The same, component by component.
@@ -503,12 +476,14 @@ impl Solid {
         of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync,
     ) {
         assert!(weights.is_none_or(|w| w.len() == self.components.len()), "one weight for each component of the solid");
+        self.touching(); // threads do not wait for one another
+        let triangles = &*self.triangles;
         parallel::resize(sums, self.vertices);
         parallel::for_each_chunk(sums, PART, |first, sums| {
             sums.fill(DVec3::ZERO);
             for (component, run) in self.runs(first / PART) {
                 let weight = weights.map_or(1.0, |w| w[component]);
-                for triangle in run.iter().map(|t| self.triangles[*t as usize]) {
+                for triangle in run.iter().map(|t| triangles[*t as usize]) {
                     let vector = of_triangle(triangle) * weight;
                     for v in triangle {
                         if let Some(sum) = sums.get_mut((v as usize).wrapping_sub(first)) {
@@ -557,7 +532,7 @@ impl Solid {
     #[must_use]
     pub fn encloses_nothing(&self, points: &[DVec3], volume: f64) -> bool {
         let extent = Bounds::of(points).map_or(0.0, |b| b.extent());
-        volume.abs() <= tolerances::NO_VOLUME * self.area(points) * extent
+        encloses_nothing(volume, self.triangles.len(), extent, || self.area(points))
     }
 
     /// The body over `clusters` of vertices, for the cluster of each vertex (#vertices): triangles that collapse are dropped.
@@ -582,13 +557,12 @@ impl Solid {
         };
         Self::indexed(Self {
             vertices: clusters,
-            triangles,
+            triangles: triangles.into(),
             components,
             caps: self.caps.iter().map(members).collect(),
-            part_starts: Vec::new(),
-            touching: Vec::new(),
+            touching: OnceLock::new(),
             twins: Vec::new(),
-            has_twin: vec![false; clusters],
+            has_twin: Vec::new(),
         })
     }
 
@@ -642,11 +616,10 @@ impl Solid {
         let cap = |cap: &Cap| Cap { members: cap.members.clone(), fan: Vec::new() };
         Self::indexed(Self {
             vertices: self.vertices,
-            triangles,
+            triangles: triangles.into(),
             components,
             caps: self.caps.iter().map(cap).collect(),
-            part_starts: Vec::new(),
-            touching: Vec::new(),
+            touching: OnceLock::new(),
             twins: self.twins.clone(),
             has_twin: self.has_twin.clone(),
         })
@@ -668,16 +641,23 @@ impl Solid {
             self.twins.iter().map(|pair| pair.each_ref().map(renumbered)).filter(|pair| !pair.contains(&u32::MAX));
         let solid = Self::indexed(Self {
             vertices,
-            triangles,
+            triangles: triangles.into(),
             components: self.components.clone(),
             caps: self.caps.iter().map(cap).collect(),
-            part_starts: Vec::new(),
-            touching: Vec::new(),
+            touching: OnceLock::new(),
             twins: twins.collect(),
-            has_twin: named[..vertices].iter().map(|v| self.has_twin[*v as usize]).collect(),
+            has_twin: self.twins_among(&named[..vertices]),
         });
         (solid, named[..vertices].to_vec())
     }
+}
+
+/// Whether `volume` is rounding noise for a surface of that area, of so many triangles in a box of that extent.
+pub(crate) fn encloses_nothing(volume: f64, triangles: usize, extent: f64, area: impl FnOnce() -> f64) -> bool {
+    // No triangle in a cube is larger than one of its sides, so most bodies need no area.
+    let most = triangles as f64 * extent * extent;
+    let is_noise = |area: f64| volume.abs() <= tolerances::NO_VOLUME * area * extent;
+    (is_noise(most) || !most.is_finite()) && is_noise(area())
 }
 
 /// [`Bounds::lossless_origin`] of the points.
@@ -715,6 +695,72 @@ fn doubled_area_vector(triangle: [u32; 3], points: &[DVec3]) -> DVec3 {
     sweep::doubled_area_vector(triangle.map(|v| points[v as usize]))
 }
 
+/// Whether `mesh` with this `topology` bounds a body.
+fn check(mesh: &Mesh, topology: &Topology, open: OpenBoundaries) -> Result<(), SolidError> {
+    if topology.components == 0 {
+        return Err(SolidError::NoFaces);
+    }
+    let extent = mesh.bounds().map_or(0.0, |b| b.extent());
+    if !tolerances::EXTENTS.contains(&extent) {
+        return Err(SolidError::Extent { extent });
+    }
+    let mut twisted = topology.unbalanced.iter().filter(|edge| edge.surplus > 1);
+    if let Some(first) = twisted.next() {
+        return Err(SolidError::Winding {
+            edges: 1 + twisted.count(),
+            surplus: first.surplus,
+            from: first.from,
+            to: first.to,
+            face: first.face,
+        });
+    }
+    match opening(topology) {
+        Some(opening) if open == OpenBoundaries::Refuse => Err(opening),
+        _ => Ok(()),
+    }
+}
+
+/// Why a mesh is refused whose boundaries are not to be closed; `None` where it is balanced.
+pub(crate) fn opening(topology: &Topology) -> Option<SolidError> {
+    topology.unbalanced.first().map(|first| SolidError::Open {
+        boundary_edges: topology.boundary_edges,
+        boundary_loops: topology.boundary_loops,
+        from: first.from,
+        to: first.to,
+        face: first.face,
+    })
+}
+
+/// The triangles of component after component, in file order, those of its caps last; and where each component's are.
+fn by_component(mesh: &Mesh, topology: &Topology, of_caps: &[(u32, [u32; 3])]) -> (Triangles, Vec<Range<usize>>) {
+    let (faces, welded) = (mesh.faces(), &topology.welded);
+    let all_distinct = topology.coincident_vertices == 0 && topology.collapsed_faces == 0;
+    if all_distinct && faces.are_triangles() && topology.components == 1 && of_caps.is_empty() {
+        return (Triangles::OfMesh(mesh.shared_faces()), vec![0..faces.len()]);
+    }
+    let distinct = |t: &[u32; 3]| {
+        let [a, b, c] = t.map(|v| welded[v as usize]);
+        a != b && b != c && c != a
+    };
+    let of_faces = || {
+        let labelled = faces.iter().zip(&topology.component_of_face).filter(|(_, c)| **c != u32::MAX);
+        labelled.flat_map(|(polygon, &c)| fan(polygon).filter(distinct).map(move |t| (c as usize, t)))
+    };
+    let of_caps = || of_caps.iter().map(|(face, t)| (topology.component_of_face[*face as usize] as usize, *t));
+    let mut next = vec![0; topology.components + 1];
+    of_faces().chain(of_caps()).for_each(|(c, _)| next[c + 1] += 1);
+    for c in 0..topology.components {
+        next[c + 1] += next[c];
+    }
+    let components = next.windows(2).map(|ends| ends[0]..ends[1]).collect();
+    let mut triangles = vec![[0; 3]; next[topology.components]];
+    for (c, triangle) in of_faces().chain(of_caps()) {
+        triangles[next[c]] = triangle;
+        next[c] += 1;
+    }
+    (triangles.into(), components)
+}
+
 /// One cap for each connected piece of the unbalanced edges, and its triangles, each with the face whose edge it closes.
 fn caps(topology: &Topology, vertices: usize) -> (Vec<Cap>, Vec<(u32, [u32; 3])>) {
     if topology.unbalanced.is_empty() {
@@ -742,31 +788,32 @@ fn caps(topology: &Topology, vertices: usize) -> (Vec<Cap>, Vec<(u32, [u32; 3])>
     (groups.iter().map(cap).collect(), triangles)
 }
 
-/// The triangles that touch each part of the vertices, as starts and one list.
-fn touching(triangles: &[[u32; 3]], vertices: usize) -> (Vec<u32>, Vec<u32>) {
-    let parts = vertices.div_ceil(PART);
-    // The parts of a triangle's corners, each once; apexes have none.
-    let parts_of = |triangle: &[u32; 3]| {
-        let [a, b, c] = triangle.map(|v| v as usize / PART);
-        let c = if (triangle[2] as usize) < vertices { c } else { a };
-        [Some(a), (b != a).then_some(b), (c != a && c != b).then_some(c)].into_iter().flatten()
-    };
-    let mut starts = vec![0u32; parts + 1];
-    for part in triangles.iter().flat_map(parts_of) {
-        starts[part + 1] += 1;
-    }
-    for part in 0..parts {
-        starts[part + 1] += starts[part];
-    }
-    let mut next = starts.clone();
-    let mut touching = vec![0; starts[parts] as usize];
-    for (t, triangle) in (0..).zip(triangles) {
-        for part in parts_of(triangle) {
-            touching[next[part] as usize] = t;
-            next[part] += 1;
+impl Touching {
+    fn of(triangles: &[[u32; 3]], vertices: usize) -> Self {
+        let parts = vertices.div_ceil(PART);
+        // The parts of a triangle's corners, each once; apexes have none.
+        let parts_of = |triangle: &[u32; 3]| {
+            let [a, b, c] = triangle.map(|v| v as usize / PART);
+            let c = if (triangle[2] as usize) < vertices { c } else { a };
+            [Some(a), (b != a).then_some(b), (c != a && c != b).then_some(c)].into_iter().flatten()
+        };
+        let mut starts = vec![0u32; parts + 1];
+        for part in triangles.iter().flat_map(parts_of) {
+            starts[part + 1] += 1;
         }
+        for part in 0..parts {
+            starts[part + 1] += starts[part];
+        }
+        let mut next = starts.clone();
+        let mut touching = vec![0; starts[parts] as usize];
+        for (t, triangle) in (0..).zip(triangles) {
+            for part in parts_of(triangle) {
+                touching[next[part] as usize] = t;
+                next[part] += 1;
+            }
+        }
+        Self { starts, triangles: touching }
     }
-    (starts, touching)
 }
 
 #[cfg(test)]

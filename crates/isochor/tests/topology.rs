@@ -377,4 +377,105 @@ proptest! {
         prop_assert_eq!(t.euler_characteristic, (mesh.points().len() + mesh.faces().len()) as i64 - four as i64 - two);
         prop_assert!(t.is_balanced());
     }
+    #[test]
+    fn faces_of_any_kind_are_counted_as_one_counts_them_by_hand(
+        soup in prop::collection::vec(prop::collection::vec(0..9u32, 3..6), 1..40),
+        places in prop::collection::vec(0..7u8, 9),
+    ) {
+        // More corners at a vertex than are looked at in pairs, edges with many faces, faces that meet themselves, vertices at one place.
+        let points = places.iter().map(|p| DVec3::new(f64::from(*p), f64::from(p * p), 0.0)).collect();
+        let mut all = Faces::new();
+        soup.iter().for_each(|face| all.push(face));
+        let t = topology(&Mesh::new(points, all).unwrap());
+        let by_hand = Counts::of(&soup, &places);
+        prop_assert_eq!(
+            (t.boundary_edges, t.nonmanifold_edges, t.inconsistent_edges, t.nonmanifold_vertices),
+            (by_hand.boundary, by_hand.many, by_hand.inconsistent, by_hand.pinched)
+        );
+        prop_assert_eq!((t.component_of_face, t.components), (by_hand.component_of_face, by_hand.components));
+        prop_assert_eq!((t.euler_characteristic, t.first_nonmanifold_edge), (by_hand.euler, by_hand.first_many));
+        prop_assert_eq!((t.unbalanced, t.collapsed_faces), (by_hand.unbalanced, by_hand.collapsed));
+    }
+}
+
+/// Counts of a soup of polygons, from lists of all edges and all pairs of corners.
+#[derive(Default)]
+struct Counts {
+    boundary: usize,
+    many: usize,
+    first_many: Option<[u32; 2]>,
+    inconsistent: usize,
+    pinched: usize,
+    collapsed: usize,
+    euler: i64,
+    unbalanced: Vec<UnbalancedEdge>,
+    components: usize,
+    component_of_face: Vec<u32>,
+}
+
+impl Counts {
+    fn of(soup: &[Vec<u32>], places: &[u8]) -> Self {
+        let welded = |v: u32| places.iter().position(|p| *p == places[v as usize]).unwrap() as u32;
+        // (from, to, face, corner at from, corner at to) of all sides, corners numbered over all faces.
+        let mut sides = Vec::new();
+        let mut corners: Vec<u32> = Vec::new();
+        let mut counts = Self::default();
+        let mut is_live = Vec::new();
+        for (face, polygon) in soup.iter().enumerate() {
+            let mut ring: Vec<u32> = polygon.iter().map(|v| welded(*v)).collect();
+            while let Some(k) = (0..ring.len()).find(|k| ring.len() > 1 && ring[*k] == ring[(k + 1) % ring.len()]) {
+                ring.remove(k);
+            }
+            is_live.push(ring.len() > 2);
+            if ring.len() < 3 {
+                counts.collapsed += 1;
+                continue;
+            }
+            let first = corners.len();
+            for k in 0..ring.len() {
+                let next = (k + 1) % ring.len();
+                sides.push((ring[k], ring[next], face, first + k, first + next));
+            }
+            corners.extend(ring);
+        }
+        let edges: BTreeSet<[u32; 2]> = sides.iter().map(|s| [s.0.min(s.1), s.0.max(s.1)]).collect();
+        let mut component: Vec<usize> = (0..soup.len()).collect();
+        let mut fan: Vec<usize> = (0..corners.len()).collect();
+        let unite = |labels: &mut Vec<usize>, a: usize, b: usize| {
+            let (a, b) = (labels[a], labels[b]);
+            labels.iter_mut().filter(|label| **label == a.max(b)).for_each(|label| *label = a.min(b));
+        };
+        for &[low, high] in &edges {
+            let here: Vec<_> = sides.iter().filter(|s| [s.0.min(s.1), s.0.max(s.1)] == [low, high]).collect();
+            here.iter().for_each(|s| unite(&mut component, here[0].2, s.2));
+            let forward = here.iter().filter(|s| s.0 == low).count();
+            let backward = here.len() - forward;
+            match here[..] {
+                [_] => counts.boundary += 1,
+                [a, b] => {
+                    counts.inconsistent += usize::from(forward != 1);
+                    let at = |s: &(u32, u32, usize, usize, usize), v: u32| if s.0 == v { s.3 } else { s.4 };
+                    [low, high].iter().for_each(|v| unite(&mut fan, at(a, *v), at(b, *v)));
+                }
+                _ => {
+                    counts.many += 1;
+                    counts.first_many.get_or_insert([low, high]);
+                }
+            }
+            if forward != backward {
+                let (from, to) = if forward > backward { (low, high) } else { (high, low) };
+                let face = here.iter().filter(|s| s.0 == from).map(|s| s.2).min().unwrap() as u32;
+                counts.unbalanced.push(UnbalancedEdge { from, to, surplus: forward.abs_diff(backward) as u32, face });
+            }
+        }
+        let vertices: BTreeSet<u32> = corners.iter().copied().collect();
+        let fans_at = |v: u32| (0..corners.len()).filter(|c| corners[*c] == v).map(|c| fan[c]).collect::<BTreeSet<_>>();
+        counts.pinched = vertices.iter().filter(|v| fans_at(**v).len() > 1).count();
+        let labels: BTreeSet<usize> = (0..soup.len()).filter(|f| is_live[*f]).map(|f| component[f]).collect();
+        counts.components = labels.len();
+        let number = |f: usize| labels.iter().position(|label| *label == component[f]).unwrap() as u32;
+        counts.component_of_face = (0..soup.len()).map(|f| if is_live[f] { number(f) } else { u32::MAX }).collect();
+        counts.euler = vertices.len() as i64 - edges.len() as i64 + (soup.len() - counts.collapsed) as i64;
+        counts
+    }
 }
