@@ -70,6 +70,12 @@ pub enum Command {
     /// Deform a model and keep its volume, from flags or from a job file.
     #[command(after_help = DEFORM_EXAMPLES)]
     Deform(Box<DeformArgs>),
+    /// Measure how fast this machine is.
+    #[command(after_help = "Examples:\n  isochor bench lattice")]
+    Bench {
+        #[command(subcommand)]
+        bench: BenchCommand,
+    },
     /// Print completions for a shell.
     #[command(
         after_help = "Examples:\n  isochor completions bash > ~/.local/share/bash-completion/completions/isochor"
@@ -84,6 +90,25 @@ pub enum Command {
         /// Folder to write the pages to.
         folder: Option<PathBuf>,
     },
+}
+
+#[derive(Debug, Subcommand)]
+pub enum BenchCommand {
+    /// The tables of the paper about lattices, this machine beside them, with 1 and all threads; takes some minutes and 2 GB of memory.
+    #[command(
+        after_help = "Examples:\n  isochor bench lattice --plot performance.svg\n  isochor bench lattice --quick --json"
+    )]
+    Lattice(BenchLatticeArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct BenchLatticeArgs {
+    /// Only small models and few runs: seconds instead of minutes, and much noise.
+    #[arg(long)]
+    pub quick: bool,
+    /// Draw times against vertices to an .svg file.
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
 }
 
 const DEFORM_EXAMPLES: &str = "Examples:

@@ -12,7 +12,7 @@ use crate::files::{self, Pending};
 use crate::model::Model;
 use crate::request::{Request, Requests, has_extension};
 use crate::terminal::Terminal;
-use crate::{demo, frames, info, pages, pictures};
+use crate::{bench, demo, frames, info, pages, pictures};
 
 /// Runs what was asked and says with which code to end.
 pub fn command(cli: Cli) -> ExitCode {
@@ -36,6 +36,7 @@ pub fn command(cli: Cli) -> ExitCode {
             terminal.report(&report, &request);
             Ok(())
         }),
+        Command::Bench { bench } => bench::run(bench, &terminal),
         Command::Completions { shell } => pages::completions(*shell),
         Command::Man { folder } => pages::man(folder.as_deref()),
     };

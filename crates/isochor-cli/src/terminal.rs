@@ -43,6 +43,14 @@ impl Terminal {
         }
     }
 
+    /// What was asked for, as data for programs or as text for people, on standard output.
+    pub fn answer(&self, data: &impl serde::Serialize, text: &str) {
+        self.data(data);
+        if !self.json && !self.quiet {
+            write(&mut std::io::stdout(), text);
+        }
+    }
+
     /// Tells of a failure and gives its exit code.
     pub fn failure(&self, failure: &Failure) -> ExitCode {
         #[derive(serde::Serialize)]
