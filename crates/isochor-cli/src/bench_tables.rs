@@ -6,6 +6,9 @@ use crate::stages::Stage;
 /// Bytes for a number of the matrix B: its 32-bit value and its 32-bit index.
 const SPARSE: usize = 8;
 
+/// Bytes that fit into a cache of most processors.
+const IN_CACHE: usize = 4_000_000;
+
 /// Megabytes as disks and memory buses have them.
 const MEGA: f64 = 1e6;
 const GIGA: f64 = 1e9;
@@ -29,19 +32,16 @@ impl Table {
 /// All tables.
 pub fn of_lattice_bench(bench: &LatticeBench) -> String {
     let Some(model) = bench.models.first() else { return String::new() };
-    let mut tables = vec![sizes(bench), times(bench)];
-    for (k, run) in model.runs.iter().enumerate() {
-        let on = threads(run.threads);
-        let milliseconds = |time: &StageTime| figure(time.ms);
-        tables.push(stages(bench, k, &format!("Milliseconds on {on}"), milliseconds));
-        let sweeps = |time: &StageTime| figure(time.sweeps);
-        tables.push(stages(
-            bench,
-            k,
-            &format!("The same in sweeps over the bytes that must be touched, on {on}"),
-            sweeps,
-        ));
+    let mut tables = vec![sizes(bench), times(bench), limits(bench)];
+    for (run, Run { threads: count, .. }) in model.runs.iter().enumerate() {
+        let on = threads(*count);
+        tables.push(stages(bench, run, &format!("Milliseconds, {on}"), |time| figure(time.ms)));
     }
+    for (run, Run { threads: count, .. }) in model.runs.iter().enumerate() {
+        let title = format!("Sweeps over the bytes that must be touched, {}", threads(*count));
+        tables.push(stages(bench, run, &title, |time| figure(time.sweeps)));
+    }
+    tables.push(bandwidths(bench));
     let runs: Vec<usize> =
         bench.models.iter().flat_map(|model| &model.runs).flat_map(|run| &run.stages).map(|time| time.runs).collect();
     let (least, most) = (runs.iter().min().unwrap_or(&0), runs.iter().max().unwrap_or(&0));
@@ -95,11 +95,46 @@ fn times(bench: &LatticeBench) -> String {
             row.model.into(),
             paper(|paper| grouped(paper.vertices)),
             grouped(row.vertices),
-            paper(|paper| paper.gpu_ffd_ms.to_string()),
+            paper(|paper| stated(paper.gpu_ffd_ms)),
         ];
         cells.extend(here(Stage::Apply));
-        cells.extend([paper(|paper| paper.cpu_volume_ms.to_string()), paper(|paper| paper.gpu_volume_ms.to_string())]);
+        cells.extend([paper(|paper| stated(paper.cpu_volume_ms)), paper(|paper| stated(paper.gpu_volume_ms))]);
         cells.extend(here(Stage::Offsets));
+        table.row(&cells);
+    }
+    table.0
+}
+
+/// How long each stage takes for a vertex, of a model that fits into a cache and of the largest.
+fn limits(bench: &LatticeBench) -> String {
+    let Some((large, smaller)) = bench.models.split_last() else { return String::new() };
+    let small = smaller.iter().rfind(|model| model.kept_bytes <= IN_CACHE);
+    let of_small = small.iter().flat_map(|small| small.runs.iter().take(1).map(move |run| (*small, run)));
+    let runs: Vec<(&ModelRow, &Run)> = of_small.chain(large.runs.iter().map(|run| (large, run))).collect();
+    let name = |(model, run): &(&ModelRow, &Run)| format!("{}, {}", model.model, threads(run.threads));
+    let mut columns = vec!["stage".to_owned()];
+    columns.extend(runs.iter().map(name));
+    columns.extend(runs.iter().map(|of| format!("sweeps: {}", name(of))));
+    let mut table = Table::new("Nanoseconds for a vertex", &columns);
+    for (k, stage) in Stage::ALL.iter().enumerate() {
+        let mut cells = vec![stage.name().to_owned()];
+        cells.extend(runs.iter().map(|(model, run)| figure(1e6 * run.stages[k].ms / model.vertices as f64)));
+        cells.extend(runs.iter().map(|(_, run)| figure(run.stages[k].sweeps)));
+        table.row(&cells);
+    }
+    table.0
+}
+
+/// What the memory did meanwhile.
+fn bandwidths(bench: &LatticeBench) -> String {
+    let counts = bench.models.first().map_or(&[][..], |model| &model.runs).iter().map(|run| threads(run.threads));
+    let mut columns = vec!["model".to_owned()];
+    columns.extend(counts.flat_map(|count| [format!("sum, {count}"), format!("copy, {count}")]));
+    let mut table = Table::new("Sweeps over the memory meanwhile, GB/s", &columns);
+    for ModelRow { model, runs, .. } in &bench.models {
+        let both = runs.iter().flat_map(|run| [run.bandwidth.read, run.bandwidth.copy]);
+        let cells: Vec<String> =
+            [(*model).to_owned()].into_iter().chain(both.map(|bandwidth| figure(bandwidth / GIGA))).collect();
         table.row(&cells);
     }
     table.0
@@ -109,13 +144,11 @@ fn times(bench: &LatticeBench) -> String {
 fn stages(bench: &LatticeBench, run: usize, title: &str, cell: impl Fn(&StageTime) -> String) -> String {
     let mut columns = vec!["model".to_owned(), "vertices".to_owned()];
     columns.extend(Stage::ALL.map(|stage| stage.name().to_owned()));
-    columns.extend(["GB/s, sum".to_owned(), "copy".to_owned()]);
     let mut table = Table::new(title, &columns);
     for ModelRow { model, vertices, runs, .. } in &bench.models {
         let run = &runs[run];
         let mut cells = vec![(*model).into(), grouped(*vertices)];
         cells.extend(run.stages.iter().map(&cell));
-        cells.extend([run.bandwidth.read, run.bandwidth.copy].map(|bandwidth| figure(bandwidth / GIGA)));
         table.row(&cells);
     }
     table.0
@@ -138,6 +171,11 @@ fn figure(x: f64) -> String {
         Ok(decimals) => format!("{x:.decimals$}"),
         Err(_) => grouped(x.round() as usize),
     }
+}
+
+/// A number as the paper has it.
+fn stated(x: f64) -> String {
+    if x.fract() == 0.0 { grouped(x as usize) } else { x.to_string() }
 }
 
 /// A whole number with commas.
@@ -165,6 +203,7 @@ mod tests {
             assert_eq!(figure(x), expected);
         }
         assert_eq!(figure(f64::NAN), "NaN");
+        assert_eq!([0.02, 6.0, 1206.0].map(stated), ["0.02", "6", "1,206"]);
         for (n, expected) in [(0, "0"), (999, "999"), (1000, "1,000"), (1_087_716, "1,087,716")] {
             assert_eq!(grouped(n), expected);
         }

@@ -63,15 +63,17 @@ fn reports_have_every_stage_of_every_model_with_one_thread_and_with_all() {
 fn one_thread_has_one_run_and_tables_are_markdown() {
     let folder = tempfile::tempdir().unwrap();
     let text = quick(folder.path(), &["--threads", "1"]);
-    // Two tables of the paper, and two of stages.
-    assert_eq!(text.lines().filter(|line| line.starts_with("**")).count(), 4, "{text}");
+    // Two tables of the paper, one of limits, two of stages, and one of the memory.
+    assert_eq!(text.lines().filter(|line| line.starts_with("**")).count(), 6, "{text}");
     let columns = |line: &str| line.matches('|').count();
     let tables = text.split("**\n\n").skip(1);
     for table in tables {
         let rows: Vec<&str> = table.lines().take_while(|line| line.starts_with('|')).collect();
-        assert_eq!(rows.len(), 4, "{table}");
+        let of_models = !rows[0].starts_with("| stage |");
+        assert_eq!(rows.len(), 2 + if of_models { 2 } else { 10 }, "{table}");
         assert!(rows.iter().all(|row| columns(row) == columns(rows[0])), "{table}");
-        assert!(rows[1].starts_with("|---|--:|") && rows[2].starts_with("| Sphere |"), "{table}");
+        let first = if of_models { "| Sphere |" } else { "| prepare |" };
+        assert!(rows[1].starts_with("|---|--:|") && rows[2].starts_with(first), "{table}");
     }
     assert!(text.contains("| 322,598 |") && text.contains("| 301,916 |") && !text.contains("2 threads"), "{text}");
     assert!(text.contains("leave --quick out"), "{text}");
