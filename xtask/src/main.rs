@@ -1,13 +1,16 @@
-//! One word for what is done to the whole workspace: `cargo xtask test`, `cargo xtask lint`, `cargo xtask viewer`, `cargo xtask gallery`.
+//! One word for what is done to the whole workspace: `cargo xtask test`, `cargo xtask lint`, `cargo xtask viewer`, `cargo xtask gallery`,
+//! `cargo xtask performance`.
 
 mod gallery;
+mod performance;
 
 use std::process::{Command, ExitCode};
 
 const USAGE: &str = "cargo xtask test   fetches what is missing and runs all tests
 cargo xtask lint   rustfmt, clippy and documentation, all warnings are errors
 cargo xtask viewer bundles the 3D view of report pages anew; needs Node.js
-cargo xtask gallery runs the example jobs and makes docs/gallery.md and its pictures anew";
+cargo xtask gallery runs the example jobs and makes docs/gallery.md and its pictures anew
+cargo xtask performance measures this machine and makes the tables and the plot of docs/performance.md anew; leave it alone meanwhile";
 
 /// Where the 3D view of report pages is.
 const VIEWER: &str = concat!(env!("CARGO_MANIFEST_DIR"), "/../crates/isochor-view/src/viewer");
@@ -32,6 +35,7 @@ fn main() -> ExitCode {
     let succeeded = match std::env::args().nth(1).as_deref() {
         Some("test") => TEST.iter().all(|step| cargo(step)),
         Some("gallery") => gallery::make().map_err(|error| eprintln!("{error}")).is_ok(),
+        Some("performance") => performance::make().map_err(|error| eprintln!("{error}")).is_ok(),
         Some("viewer") => BUNDLE.iter().all(|step| npm(step)),
         Some("lint") => add_components() && LINT.iter().all(|step| cargo(step)),
         _ => {

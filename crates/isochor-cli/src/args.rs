@@ -71,7 +71,7 @@ pub enum Command {
     #[command(after_help = DEFORM_EXAMPLES)]
     Deform(Box<DeformArgs>),
     /// Measure times and memory on this machine.
-    #[command(after_help = "Examples:\n  isochor bench deform")]
+    #[command(after_help = "Examples:\n  isochor bench lattice\n  isochor bench deform")]
     Bench {
         #[command(subcommand)]
         bench: BenchCommand,
@@ -95,12 +95,27 @@ pub enum Command {
 /// What can be measured.
 #[derive(Debug, Subcommand)]
 pub enum BenchCommand {
+    /// The tables of the paper about lattices, this machine beside them, with 1 and all threads; takes some minutes and 2 GB of memory.
+    #[command(
+        after_help = "Examples:\n  isochor bench lattice --plot performance.svg\n  isochor bench lattice --quick --json"
+    )]
+    Lattice(BenchLatticeArgs),
     /// Whole deformations of files of many sizes: times of all stages, and memory.
     #[command(
         after_help = "Examples:\n  isochor bench deform\n  isochor bench deform --vertices 25000000 --runs 1 --threads 2\n\n\
                       Models are written to the folder of temporary files, 80 bytes per vertex with the result, and removed."
     )]
     Deform(BenchDeformArgs),
+}
+
+#[derive(Debug, Args)]
+pub struct BenchLatticeArgs {
+    /// Only small models and few runs: seconds instead of minutes, and much noise.
+    #[arg(long)]
+    pub quick: bool,
+    /// Draw times against vertices to an .svg file.
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
 }
 
 #[derive(Clone, Debug, Default, Args)]

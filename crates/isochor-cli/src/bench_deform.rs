@@ -69,8 +69,7 @@ pub fn run(args: &BenchDeformArgs, threads: Option<u16>, terminal: &Terminal) ->
     }
     progress.end();
     let measured = Measured { version: env!("CARGO_PKG_VERSION"), request: REQUEST.join(" "), runs };
-    terminal.data(&measured);
-    terminal.table(&table(&measured.runs));
+    terminal.answer(&measured, &table(&measured.runs));
     Ok(())
 }
 

@@ -1,20 +1,28 @@
 //! The `isochor` command: reads models and jobs, hands them to the library, writes what comes back.
 
 mod args;
+mod bandwidth;
 mod bench;
 mod bench_deform;
+mod bench_lattice;
+mod bench_tables;
 mod demo;
 mod failure;
 mod files;
 mod flags;
 mod frames;
 mod info;
+mod median;
 mod memory;
 mod model;
+mod non_zeros;
 mod pages;
+mod paper;
 mod pictures;
+mod plot;
 mod request;
 mod run;
+mod stages;
 mod terminal;
 
 use std::process::ExitCode;

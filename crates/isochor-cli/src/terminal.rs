@@ -43,9 +43,10 @@ impl Terminal {
         }
     }
 
-    /// A text that was asked for, unless programs asked.
-    pub fn table(&self, text: &str) {
-        if !(self.json || self.quiet) {
+    /// What was asked for, as data for programs or as text for people, on standard output.
+    pub fn answer(&self, data: &impl serde::Serialize, text: &str) {
+        self.data(data);
+        if !self.json && !self.quiet {
             write(&mut std::io::stdout(), text);
         }
     }

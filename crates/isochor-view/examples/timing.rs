@@ -1,4 +1,4 @@
-//! How long the picture of a large model takes: three poses of a geodesic blob of 873,620 faces, coloured by local
+//! How long the picture of a large model takes: three poses of a stone of 873,620 faces, coloured by local
 //! volume change.
 //!
 //! `RAYON_NUM_THREADS=2 cargo run --release -p isochor-view --example timing`
@@ -6,10 +6,8 @@
 use std::time::Instant;
 
 use glam::DVec3;
+use isochor::shapes;
 use isochor_view::{Coloring, PictureOptions, Show, ShownLattice, ShownPose, picture};
-
-#[path = "../../isochor/benches/blob/mod.rs"]
-mod blob;
 
 /// Pictures that are timed; the shortest time counts.
 const ROUNDS: usize = 7;
@@ -18,21 +16,25 @@ const ROUNDS: usize = 7;
 const CONTROLS: usize = 5;
 
 fn main() {
-    let mesh = blob::blob();
+    let mesh = shapes::stone(436_812);
+    let bounds = mesh.bounds().expect("a stone has vertices");
     let grid = (0..CONTROLS.pow(3)).map(|c| [c / CONTROLS.pow(2), c / CONTROLS % CONTROLS, c % CONTROLS]);
-    let controls: Vec<DVec3> = grid.map(|c| DVec3::from_array(c.map(|c| c as f64 / (CONTROLS - 1) as f64))).collect();
+    let fraction = |c: [usize; 3]| DVec3::from_array(c.map(|c| c as f64 / (CONTROLS - 1) as f64));
+    let controls: Vec<DVec3> = grid.map(|c| bounds.min + fraction(c) * bounds.size()).collect();
     let squashes = [("rest", 1.0), ("deformed", 0.6), ("corrected", 0.8)];
     let poses = squashes.map(|(name, squash)| {
-        let posed = |rest: &[DVec3]| {
-            let moves = blob::twist(rest, squash);
-            rest.iter().zip(moves).map(|(p, d)| *p + d).collect::<Vec<_>>()
+        // A twist of half a radian to either side.
+        let moved = |p: &DVec3| {
+            let (sin, cos) = (0.5 * p.z).sin_cos();
+            DVec3::new(cos * p.x - sin * p.y, sin * p.x + cos * p.y, squash * p.z)
         };
+        let posed = |rest: &[DVec3]| rest.iter().map(moved).collect::<Vec<_>>();
         ShownPose {
             name: name.into(),
             points: posed(mesh.points()).into(),
             lattice: Some(ShownLattice { size: [CONTROLS; 3], controls: posed(&controls).into() }),
             volume: Some(0.3 * squash),
-            volume_change: Some(mesh.points().iter().map(|p| squash * (1.0 + 0.3 * (p.x - 0.5))).collect()),
+            volume_change: Some(mesh.points().iter().map(|p| squash * (1.0 + 0.15 * p.x)).collect()),
         }
     });
     let show = Show { faces: mesh.faces(), poses: poses.into() };

@@ -1,26 +1,19 @@
-//! Whole corrections on a closed blob of 436 812 vertices and 873 620 faces, twisted and squashed in a cubic lattice of 10 × 10 × 10
+//! Whole corrections of a stone of 437 645 vertices and 875 286 faces, twisted and squashed in a cubic lattice of 10 × 10 × 10
 //! control points: back to the rest volume from which 40 % (and 60 %) was lost, and the product with the transposed Jacobian.
 //!
 //!     RAYON_NUM_THREADS=2 cargo bench -p isochor --bench correct
 
-mod blob;
+mod stone;
 
 use std::hint::black_box;
 
-use blob::{blob, twist};
 use criterion::{BenchmarkId, Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use isochor::{
-    Basis, CorrectOptions, Corrector, Effect, Frame, Lattice, Method, OpenBoundaries, Outside, Pose, Solid, Wanted,
-    correct, displaced, topology,
-};
+use isochor::{Basis, CorrectOptions, Corrector, Effect, Method, Pose, Wanted, correct, displaced};
+use stone::{Bound, bound, twist};
 
 fn corrections(criterion: &mut Criterion) {
-    let mesh = blob();
-    let frame = Frame { origin: DVec3::ZERO, axes: [DVec3::X, DVec3::Y, DVec3::Z] };
-    let lattice = Lattice::new([0; 3].map(|_| Basis::uniform(10, 3).unwrap()), frame).unwrap();
-    let binding = lattice.bind(mesh.points(), Outside::Keep).unwrap();
-    let solid = Solid::new(&mesh, &topology(&mesh), OpenBoundaries::Refuse).unwrap();
+    let Bound { mesh, lattice, binding, solid } = bound(437_645, &Basis::uniform(10, 3).unwrap());
     let wanted = Wanted::volume(solid.volume(mesh.points()));
 
     let mut group = criterion.benchmark_group("correct");

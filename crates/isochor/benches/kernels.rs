@@ -1,16 +1,16 @@
-//! The loops that a correction is made of, on a closed blob of 436 812 vertices and 873 620 faces in a cubic lattice of 10 × 10 × 10
+//! The loops that a correction is made of, on a stone of 437 645 vertices and 875 286 faces in a cubic lattice of 10 × 10 × 10
 //! control points.
 //!
 //!     RAYON_NUM_THREADS=2 cargo bench -p isochor --bench kernels
 
-mod blob;
+mod stone;
 
 use std::hint::black_box;
 
-use blob::{blob, twist};
 use criterion::{Criterion, criterion_group, criterion_main};
 use glam::DVec3;
-use isochor::{Basis, Binding, Frame, Lattice, OpenBoundaries, Outside, Solid, displaced, topology};
+use isochor::{Basis, Binding, OpenBoundaries, Solid, displaced, topology};
+use stone::{Bound, bound, twist};
 
 fn prepared(solid: &Solid, binding: &Binding) -> (Vec<u32>, Solid, Binding) {
     let order = binding.cell_order();
@@ -19,12 +19,9 @@ fn prepared(solid: &Solid, binding: &Binding) -> (Vec<u32>, Solid, Binding) {
 }
 
 fn kernels(criterion: &mut Criterion) {
-    let mesh = blob();
-    let frame = Frame { origin: DVec3::ZERO, axes: [DVec3::X, DVec3::Y, DVec3::Z] };
-    let lattice = Lattice::new([0; 3].map(|_| Basis::uniform(10, 3).unwrap()), frame).unwrap();
-    let in_file_order = lattice.bind(mesh.points(), Outside::Keep).unwrap();
+    let Bound { mesh, lattice, binding: in_file_order, solid: solid_in_file_order } =
+        bound(437_645, &Basis::uniform(10, 3).unwrap());
     let topology = topology(&mesh);
-    let solid_in_file_order = Solid::new(&mesh, &topology, OpenBoundaries::Refuse).unwrap();
     let (order, solid, binding) = prepared(&solid_in_file_order, &in_file_order);
 
     let rest: Vec<DVec3> = order.iter().map(|v| mesh.points()[*v as usize]).collect();

@@ -183,6 +183,12 @@ impl Binding {
         self.kept
     }
 
+    /// Bytes of its arrays: what a product with W reads of W.
+    #[must_use]
+    pub fn memory(&self) -> usize {
+        size_of_val(&self.cells[..]) + self.local.iter().map(|of| size_of_val(&of[..])).sum::<usize>()
+    }
+
     /// `W c`: from one vector per control (#controls × 3) to one per vertex (#vertices × 3).
     ///
     /// # Panics

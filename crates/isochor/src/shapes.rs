@@ -330,6 +330,76 @@ fn step(z: f64, from: f64, to: f64) -> f64 {
     t * t * (3.0 - 2.0 * t)
 }
 
+/// A round stone with bumps, in as many vertices as one likes: at the direction (x, y, z) its surface is at the distance
+/// `∛(1 + 0.5 sin 3x cos 2y + 0.3 sin 4z)`. Rings round the z-axis between two poles, with triangles of about one size and shape:
+/// 2 · `vertices` − 4 of them.
+///
+/// What is added to 1 is odd, so it cancels in `∫ r³ / 3` over the sphere: the volume tends to 4π/3 with the reciprocal of the number
+/// of vertices.
+///
+/// # Panics
+///
+/// Panics where `vertices` is less than 5: two poles and a ring of three.
+#[must_use]
+pub fn stone(vertices: usize) -> Mesh {
+    assert!(vertices >= 5, "a stone needs at least 5 vertices, not {vertices}");
+    let in_rings = vertices - 2;
+    // Where triangles are equilateral, there are 2 √3 / π vertices for the square of the number of strips between rings.
+    let strips = (in_rings as f64 * PI / (2.0 * 3.0_f64.sqrt())).sqrt().round() as usize;
+    let rings = strips.saturating_sub(1).clamp(1, in_rings / 3);
+    let polar = |ring: usize| PI * ((ring + 1) as f64 / (rings + 1) as f64);
+    // Three vertices for every ring, and the others by circumference: what all rings up to one have, rounded down.
+    let others = in_rings - 3 * rings;
+    let circumferences: f64 = (0..rings).map(|ring| polar(ring).sin()).sum();
+    let (mut sum, mut shared_out) = (0.0, 0);
+    let sizes: Vec<usize> = (0..rings)
+        .map(|ring| {
+            sum += polar(ring).sin() / circumferences;
+            let so_far = if ring + 1 == rings { others } else { others.min((others as f64 * sum) as usize) };
+            3 + so_far - std::mem::replace(&mut shared_out, so_far)
+        })
+        .collect();
+
+    let surface = |direction: DVec3| {
+        let DVec3 { x, y, z } = direction;
+        direction * (1.0 + 0.5 * (3.0 * x).sin() * (2.0 * y).cos() + 0.3 * (4.0 * z).sin()).cbrt()
+    };
+    // Every other ring is turned by half a segment.
+    let turn = |ring: usize| (ring % 2) as f64 / 2.0;
+    let mut points = vec![surface(-DVec3::Z)];
+    for (ring, &size) in sizes.iter().enumerate() {
+        let (sin, cos) = polar(ring).sin_cos();
+        points.extend((0..size).map(|s| surface(round_z(sin, -cos, TAU * ((s as f64 + turn(ring)) / size as f64)))));
+    }
+    points.push(surface(DVec3::Z));
+
+    let mut faces = Faces::with_capacity(2 * vertices - 4, 3 * (2 * vertices - 4));
+    let mut push = |corners: [usize; 3]| faces.push(&corners.map(|v| v as u32));
+    let mut first = 1;
+    (0..sizes[0]).for_each(|s| push([0, first + (s + 1) % sizes[0], first + s]));
+    for ring in 1..rings {
+        let (below, above) = (sizes[ring - 1], sizes[ring]);
+        let next = first + below;
+        let (mut i, mut j) = (0, 0);
+        while i < below || j < above {
+            let (low, high) = (first + i % below, next + j % above);
+            // The corner that comes next round the axis.
+            let angle = |corner: usize, ring: usize, size: usize| (corner as f64 + 1.0 + turn(ring)) / size as f64;
+            if j == above || (i < below && angle(i, ring - 1, below) <= angle(j, ring, above)) {
+                i += 1;
+                push([low, first + i % below, high]);
+            } else {
+                j += 1;
+                push([low, next + j % above, high]);
+            }
+        }
+        first = next;
+    }
+    let size = sizes[rings - 1];
+    (0..size).for_each(|s| push([first + size, first + s, first + (s + 1) % size]));
+    solid(points, faces)
+}
+
 /// A cup with a handle, one closed surface of genus 1: round the z-axis from z = 0 to 1.6, of radius `0.65 + 0.1 z` at height
 /// z, with a wall 0.08 and a floor 0.1 thick; the handle, towards +x, is a tube of elliptic sections (half axes 0.1 and 0.08)
 /// whose centres lie on half a circle of radius 0.4. The wall has `24n` segments, 8n rows without and within, and the ends of

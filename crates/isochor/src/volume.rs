@@ -230,6 +230,17 @@ impl Solid {
         self.components.len()
     }
 
+    /// Bytes of its arrays: 12 for each triangle, 4 for each in the list of a part of the vertices, and what caps and coincident
+    /// vertices take.
+    #[must_use]
+    pub fn memory(&self) -> usize {
+        let caps: usize = self.caps.iter().map(|cap| size_of_val(&cap.members[..]) + size_of_val(&cap.fan[..])).sum();
+        let triangles = size_of_val(&self.triangles[..]) + size_of_val(&self.components[..]);
+        let touching = self.touching();
+        let lists = size_of_val(&touching.starts[..]) + size_of_val(&touching.triangles[..]);
+        triangles + lists + caps + size_of_val(&self.twins[..]) + size_of_val(&self.has_twin[..])
+    }
+
     /// Vertices that stood at one place at rest and stand apart in `points` (#vertices × 3): there the surface is torn
     /// and encloses no defined volume. The first such pair.
     #[must_use]

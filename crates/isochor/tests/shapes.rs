@@ -5,7 +5,7 @@ use std::f64::consts::{PI, TAU};
 use glam::DVec3;
 use isochor::shapes::{
     bottle, chain, cube, cup, cylinder, eared_ball, embossed_box, hollow_bottle, hollow_sphere, icosphere, plate,
-    screwdriver, uv_torus,
+    screwdriver, stone, uv_torus,
 };
 use isochor::{Mesh, OpenBoundaries, Role, Solid, roles, topology};
 
@@ -305,4 +305,24 @@ fn a_cavity_without_size_is_refused() {
 #[should_panic(expected = "the wall of a bottle is between 0 and 0.3 thick, not 0.3")]
 fn a_wall_without_room_is_refused() {
     let _ = hollow_bottle(8, 8, 0.3);
+}
+
+#[test]
+fn stones_have_any_number_of_vertices_and_approach_the_volume_of_the_ball() {
+    for vertices in (5..200).chain([2562, 34_727]) {
+        checked_volume(&stone(vertices), vertices, 2 * vertices - 4, 1, 0);
+    }
+    let missing = |vertices: usize| {
+        (checked_volume(&stone(vertices), vertices, 2 * vertices - 4, 1, 0) / (4.0 / 3.0 * PI) - 1.0).abs()
+    };
+    let ladder: Vec<f64> = [1000, 4000, 16_000, 64_000].map(missing).into();
+    // Errors of inscribed triangles fall with their area.
+    assert!(ladder.windows(2).all(|pair| (3.0..5.0).contains(&(pair[0] / pair[1]))), "{ladder:?}");
+    assert!(ladder[3] < 1e-3, "{ladder:?}");
+}
+
+#[test]
+#[should_panic(expected = "at least 5 vertices, not 4")]
+fn a_stone_of_four_vertices_is_refused() {
+    let _ = stone(4);
 }

@@ -889,3 +889,14 @@ fn the_vertex_of_two_components_that_touch_follows_both() {
 fn weights_of_another_number_are_refused() {
     let _ = solid(&cube(1)).weighted_gradient(cube(1).points(), &[1.0, 1.0]);
 }
+
+#[test]
+fn memory_holds_at_least_the_triangles_and_grows_with_caps() {
+    let closed = cube(8);
+    let open = kept_faces(&closed, |face, _| face != 0);
+    let [closed, open] = [&closed, &open].map(solid);
+    assert!(closed.memory() >= 12 * closed.triangle_count() && closed.memory() <= 24 * closed.triangle_count());
+    assert_eq!((open.cap_count(), open.triangle_count()), (1, closed.triangle_count() - 2));
+    // A fan of four triangles in place of two.
+    assert!(open.memory() > closed.memory());
+}

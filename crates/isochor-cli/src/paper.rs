@@ -1,0 +1,148 @@
+//! Tables 1 and 2 of the paper, for comparison.
+//!
+//! S. Hahmann, G.-P. Bonneau, S. Barbier, G. Elber, H. Hagen, *Volume-preserving FFD for programmable graphics hardware*, The Visual
+//! Computer 28 (2012), section 7. Uniform cubic B-splines. The paper's "volume" is the time in which the displacement of the control
+//! points along one axis is found for a pose: its volume, α by HB (10), and δ by HB (17); moving the vertices comes on top ("FFD").
+
+/// What the paper computed on.
+pub const MACHINE: &str = "Intel 2.13 GHz, NVIDIA GeForce 8800 GTS";
+
+/// Control points along each side of the lattice in [`TABLE_2`], and in the first column of [`TABLE_1`].
+pub const SIZE: usize = 10;
+
+/// The same in the second column of [`TABLE_1`].
+pub const SMALLER_SIZE: usize = 6;
+
+/// A row of table 1: numbers other than 0 in the matrix B (#controls × #faces) of HB, section 6.2.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct NonZeros {
+    pub model: &'static str,
+    pub faces: usize,
+    /// In a lattice of [`SIZE`]³ control points.
+    pub in_10: usize,
+    /// In one of [`SMALLER_SIZE`]³.
+    pub in_6: usize,
+}
+
+/// A row of table 2: milliseconds.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct Times {
+    pub model: &'static str,
+    pub vertices: usize,
+    /// Moving the vertices, on the GPU.
+    pub gpu_ffd_ms: f64,
+    /// Correcting the volume along one axis, on the processor.
+    pub cpu_volume_ms: f64,
+    /// The same on the GPU.
+    pub gpu_volume_ms: f64,
+}
+
+const fn non_zeros(model: &'static str, faces: usize, in_10: usize, in_6: usize) -> NonZeros {
+    NonZeros { model, faces, in_10, in_6 }
+}
+
+const fn times(model: &'static str, vertices: usize, [gpu_ffd_ms, cpu_volume_ms, gpu_volume_ms]: [f64; 3]) -> Times {
+    Times { model, vertices, gpu_ffd_ms, cpu_volume_ms, gpu_volume_ms }
+}
+
+/// HB, table 1.
+pub const TABLE_1: [NonZeros; 8] = [
+    non_zeros("Sphere", 5120, 322_598, 301_916),
+    non_zeros("Porsche", 10_474, 680_098, 635_637),
+    non_zeros("Horse", 39_698, 2_306_680, 2_304_791),
+    non_zeros("Bunny", 69_451, 4_026_316, 4_006_614),
+    non_zeros("BallJoint", 274_120, 15_716_692, 15_649_260),
+    non_zeros("HandSkel", 654_666, 37_662_714, 37_474_881),
+    non_zeros("Dragon", 871_414, 49_929_232, 49_674_401),
+    non_zeros("Happy", 1_087_716, 62_388_900, 62_479_049),
+];
+
+/// HB, table 2.
+pub const TABLE_2: [Times; 8] = [
+    times("Sphere", 2562, [0.02, 6.0, 10.0]),
+    times("Porsche", 5247, [0.05, 12.0, 12.0]),
+    times("Horse", 19_851, [0.23, 46.0, 16.0]),
+    times("Bunny", 31_947, [0.34, 96.0, 19.0]),
+    times("Armadillo", 52_971, [0.45, 154.0, 27.0]),
+    times("BallJoint", 137_062, [1.84, 383.0, 59.0]),
+    times("HandSkel", 327_323, [2.66, 749.0, 116.0]),
+    times("Dragon", 437_645, [3.56, 1206.0, 156.0]),
+];
+
+/// A model of the paper: its rows of the tables that have it.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Model {
+    pub name: &'static str,
+    pub non_zeros: Option<NonZeros>,
+    pub times: Option<Times>,
+}
+
+/// All models of both tables, the smaller first.
+pub fn models() -> Vec<Model> {
+    let times = |name| TABLE_2.into_iter().find(|row| row.model == name);
+    let of_table_1 = TABLE_1.map(|row| Model { name: row.model, non_zeros: Some(row), times: times(row.model) });
+    let is_new = |row: &Times| TABLE_1.iter().all(|other| other.model != row.model);
+    let of_table_2 = TABLE_2.into_iter().filter(is_new);
+    let mut models: Vec<Model> = of_table_1.into();
+    models.extend(of_table_2.map(|row| Model { name: row.model, non_zeros: None, times: Some(row) }));
+    models.sort_by_key(Model::vertices);
+    models
+}
+
+impl Model {
+    /// Vertices of a closed surface without handles that has as many triangles. An odd number, which no closed surface has, becomes the
+    /// next larger one. Where the paper has no number of faces, it is the paper's number of vertices.
+    pub fn vertices(&self) -> usize {
+        let of_faces = self.non_zeros.map(|row| row.faces.div_ceil(2) + 2);
+        of_faces.or(self.times.map(|row| row.vertices)).unwrap_or_default()
+    }
+
+    /// Triangles of that surface.
+    pub fn faces(&self) -> usize {
+        2 * self.vertices() - 4
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn models_have_the_faces_of_the_paper_where_a_closed_surface_can() {
+        let models = models();
+        assert_eq!(models.len(), 9);
+        assert!(models.windows(2).all(|pair| pair[0].vertices() < pair[1].vertices()));
+        for model in models {
+            let expected = model.non_zeros.map_or(model.faces(), |row| row.faces);
+            assert_eq!(model.faces() - expected, usize::from(model.name == "Bunny"), "{}", model.name);
+        }
+    }
+
+    /// Of the file with the numbers of all papers, which was made by others.
+    #[test]
+    #[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+    fn rows_are_those_of_the_reference_file() {
+        let Some(folder) = option_env!("ISOCHOR_SHARED_DIR") else { panic!("build.rs found no folder") };
+        let text = std::fs::read_to_string(format!("{folder}/reference/paper_tables.json")).unwrap();
+        let reference: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let rows = |table: &str| reference["HB"][table]["rows"].as_array().unwrap().clone();
+        let table_1 = rows("table1_nonzeros_of_B");
+        assert_eq!(table_1.len(), TABLE_1.len());
+        for (row, expected) in TABLE_1.iter().zip(&table_1) {
+            assert_eq!(serde_json::json!([row.model, row.faces, row.in_10, row.in_6]), *expected);
+        }
+        let table_2 = rows("table2_ms");
+        assert_eq!(table_2.len(), TABLE_2.len());
+        for (row, expected) in TABLE_2.iter().zip(&table_2) {
+            assert_eq!(
+                (row.model, row.vertices),
+                (expected[0].as_str().unwrap(), expected[1].as_u64().unwrap() as usize)
+            );
+            let times = [row.gpu_ffd_ms, row.cpu_volume_ms, row.gpu_volume_ms];
+            assert_eq!(times, [2, 3, 4].map(|column| expected[column].as_f64().unwrap()), "{}", row.model);
+            // The paper's last column.
+            let factor = row.cpu_volume_ms / row.gpu_volume_ms;
+            assert!((factor - expected[5].as_f64().unwrap()).abs() < 0.1, "{}: {factor}", row.model);
+        }
+    }
+}
