@@ -39,7 +39,7 @@ use crate::rows::{Missed, Rows, norm};
 use crate::sensitivity::Sensitivity;
 use crate::spare::{Array, Spare};
 use crate::tolerances;
-use crate::volume::{Solid, Volumes, spread_and_products};
+use crate::volume::{PartGradient, Solid, Volumes, spread_and_products};
 use crate::{axes, coarse, gradient, nearest, order, parallel};
 
 /// A posed model: what is to be corrected.
@@ -441,7 +441,7 @@ impl<'a> Corrector<'a> {
     pub fn new(solid: &'a Solid, binding: &'a Binding, options: &CorrectOptions) -> Result<Self, CorrectError> {
         let mut corrector = Self::borrowed(solid, binding, options)?;
         let vertices = binding.cell_order();
-        corrector.solid = Cow::Owned(solid.permuted(&vertices));
+        corrector.solid = Cow::Owned(solid.permuted(&vertices).ready());
         corrector.binding = Cow::Owned(binding.permuted(&vertices));
         corrector.order = Some(Order { places: order::places(&vertices), vertices });
         Ok(corrector)
@@ -734,7 +734,7 @@ pub(crate) struct Slope {
 impl Slope {
     /// Of the whole body at a pose, with its volumes: one sweep for both. `None` where that cannot be.
     fn with_volumes(solid: &Solid, binding: &Binding, points: &[DVec3]) -> Option<(Volumes, Self)> {
-        let of_part = |vertices, g: &[DVec3]| SlopePart::of(binding, points, vertices, g);
+        let of_part = |vertices, g: &PartGradient| SlopePart::of(binding, points, vertices, g);
         let (volumes, parts) = is_swept(solid, binding).then(|| solid.survey(points, of_part))?;
         Some((volumes, SlopePart::whole(binding, parts)))
     }
@@ -753,10 +753,10 @@ struct SlopePart {
 }
 
 impl SlopePart {
-    fn of(binding: &Binding, points: &[DVec3], vertices: Range<usize>, g: &[DVec3]) -> Self {
+    fn of(binding: &Binding, points: &[DVec3], vertices: Range<usize>, g: &PartGradient) -> Self {
         let first = vertices.start;
-        let spread_and_products = spread_and_products(g, &points[vertices.clone()]);
-        Self { controls: binding.part_of_transposed(vertices, |v| g[v - first]), spread_and_products }
+        let spread_and_products = spread_and_products(g.iter(), &points[vertices.clone()]);
+        Self { controls: binding.part_of_transposed(vertices, |v| g.at(v - first)), spread_and_products }
     }
 
     fn whole(binding: &Binding, parts: Vec<Self>) -> Slope {
@@ -1019,7 +1019,7 @@ impl<'a> Problem<'a> {
         }
         let mut slopes = if self.is_swept() {
             let points = &state.vertices;
-            let of_part = |vertices, g: &[DVec3]| SlopePart::of(self.binding, points, vertices, g);
+            let of_part = |vertices, g: &PartGradient| SlopePart::of(self.binding, points, vertices, g);
             vec![SlopePart::whole(self.binding, self.solid.slope_survey(points, of_part))]
         } else {
             let gradients = self.gradients(state);
@@ -1044,7 +1044,7 @@ impl<'a> Problem<'a> {
         let parts = self.solid.slope_survey(points, |vertices, g| {
             let first = vertices.start;
             let spread = g.iter().fold(DVec3::ZERO, |sum, g| sum + g.abs()).element_sum();
-            (self.binding.part_of_transposed(vertices, |v| g[v - first].dot(direction)), spread)
+            (self.binding.part_of_transposed(vertices, |v| g.at(v - first).dot(direction)), spread)
         });
         let spread = parts.iter().map(|part| part.1).sum();
         (self.binding.sum_of_parts(parts.into_iter().map(|part| part.0)), spread)

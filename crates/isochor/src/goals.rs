@@ -213,14 +213,15 @@ impl Gradients<'_> {
         let [spread, products] = match self.vertices {
             None => {
                 let gradient = &self.arrays[goal];
-                let of = |range: Range<usize>| spread_and_products(&gradient[range.clone()], &points[range]);
+                let of =
+                    |range: Range<usize>| spread_and_products(gradient[range.clone()].iter().copied(), &points[range]);
                 let parts = parallel::map_chunks(gradient.len(), parallel::CHUNK, of);
                 parts.into_iter().fold([0.0; 2], |sum, part| [sum[0] + part[0], sum[1] + part[1]])
             }
             Some(vertices) => {
                 let pair = |v: &u32| (self.arrays[0][*v as usize], points[*v as usize]);
                 let (g, p): (Vec<DVec3>, Vec<DVec3>) = vertices[goal].iter().map(pair).unzip();
-                spread_and_products(&g, &p)
+                spread_and_products(g.into_iter(), &p)
             }
         };
         (spread, products / 3.0)

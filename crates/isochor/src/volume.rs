@@ -30,6 +30,7 @@ use crate::double::{Double, is_fused};
 use crate::mesh::{Bounds, Mesh, fan};
 use crate::order;
 use crate::parallel;
+use crate::spare::Spare;
 use crate::sweep::{self, PackedSum};
 use crate::tolerances;
 use crate::topology::{DisjointSets, Topology};
@@ -70,6 +71,8 @@ struct Touching {
     /// Those of part b, the vertices `PART · b ..`, are `triangles[starts[b]..starts[b + 1]]`, ascending.
     starts: Vec<u32>,
     triangles: Vec<u32>,
+    /// For sums over them.
+    sums: Spare<PackedSum>,
 }
 
 /// A boundary that is closed virtually.
@@ -347,7 +350,7 @@ impl Solid {
     pub(crate) fn survey<R: Send>(
         &self,
         points: &[DVec3],
-        of_part: impl Fn(Range<usize>, &[DVec3]) -> R + Send + Sync,
+        of_part: impl Fn(Range<usize>, &PartGradient) -> R + Send + Sync,
     ) -> (Volumes, Vec<R>) {
         let level = Level::new();
         let add = |points: &[DVec3], first: usize, sums: &mut [PackedSum]| {
@@ -370,7 +373,7 @@ impl Solid {
     pub(crate) fn slope_survey<R: Send>(
         &self,
         points: &[DVec3],
-        of_part: impl Fn(Range<usize>, &[DVec3]) -> R + Send + Sync,
+        of_part: impl Fn(Range<usize>, &PartGradient) -> R + Send + Sync,
     ) -> Vec<R> {
         let level = Level::new();
         let add = |points: &[DVec3], first: usize, sums: &mut [PackedSum]| {
@@ -386,17 +389,25 @@ impl Solid {
         &self,
         points: &[DVec3],
         add: impl Fn(&[DVec3], usize, &mut [PackedSum]) -> A + Send + Sync,
-        finish: impl Fn(A, Range<usize>, &[DVec3]) -> R + Send + Sync,
+        finish: impl Fn(A, Range<usize>, &PartGradient) -> R + Send + Sync,
     ) -> Vec<R> {
         debug_assert!(self.caps.is_empty(), "a body without caps");
         let points = self.near_with_apexes(points);
-        self.touching(); // threads do not wait for one another
+        let touching = self.touching(); // threads do not wait for one another
         parallel::map_chunks(self.vertices, PART, |part| {
-            let mut sums = vec![PackedSum::default(); part.len()];
-            let added = add(&points, part.start, &mut sums);
-            let gradient: Vec<DVec3> = sums.into_iter().map(|sum| sweep::unpacked(sum) * SIXTH).collect();
-            finish(added, part, &gradient)
+            let mut scratch = touching.sums.array();
+            let sums = scratch.memory();
+            sums.clear();
+            sums.resize(part.len(), PackedSum::default());
+            let added = add(&points, part.start, sums);
+            finish(added, part, &PartGradient(sums))
         })
+    }
+
+    /// This solid with all that is otherwise made when it is first needed.
+    pub(crate) fn ready(self) -> Self {
+        self.touching();
+        self
     }
 
     fn touching(&self) -> &Touching {
@@ -405,7 +416,7 @@ impl Solid {
 
     /// The triangles that touch part `part` of the vertices, ascending.
     fn triangles_at(&self, part: usize) -> &[u32] {
-        let Touching { starts, triangles } = self.touching();
+        let Touching { starts, triangles, .. } = self.touching();
         &triangles[starts[part] as usize..starts[part + 1] as usize]
     }
 
@@ -684,12 +695,28 @@ fn lossless_origin(points: &[DVec3]) -> DVec3 {
     origin(Bounds::of(points))
 }
 
+/// ∂V/∂P of some vertices.
+pub(crate) struct PartGradient<'a>(&'a [PackedSum]);
+
+impl PartGradient<'_> {
+    /// ∂V/∂p of the i-th of them.
+    #[inline(always)]
+    pub(crate) fn at(&self, i: usize) -> DVec3 {
+        sweep::unpacked(self.0[i]) * SIXTH
+    }
+
+    /// One after the other.
+    pub(crate) fn iter(&self) -> impl Iterator<Item = DVec3> {
+        (0..self.0.len()).map(|i| self.at(i))
+    }
+}
+
 /// Σ |g|₁ and Σ g · p.
-pub(crate) fn spread_and_products(g: &[DVec3], p: &[DVec3]) -> [f64; 2] {
+pub(crate) fn spread_and_products(g: impl Iterator<Item = DVec3>, p: &[DVec3]) -> [f64; 2] {
     let (mut spread, mut products) = (DVec3::ZERO, DVec3::ZERO);
-    for (g, p) in g.iter().zip(p) {
+    for (g, p) in g.zip(p) {
         spread += g.abs();
-        products += *g * *p;
+        products += g * *p;
     }
     [spread.element_sum(), products.element_sum()]
 }
@@ -823,7 +850,7 @@ impl Touching {
                 next[part] += 1;
             }
         }
-        Self { starts, triangles: touching }
+        Self { starts, triangles: touching, sums: Spare::default() }
     }
 }
 
