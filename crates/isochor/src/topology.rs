@@ -94,7 +94,8 @@ const NONE: u32 = u32::MAX;
 /// The topology of `mesh`. Time and memory are linear in the number of corners.
 ///
 /// Whatever is to be known of edges is told by the corners at their ends, so corners are filed under their vertices, and the
-/// vertices are looked at in any order, by many threads. Beside the result that takes 4 bytes per corner, 4 per vertex and 4 per face.
+/// vertices are looked at in any order, by many threads. Of triangles that takes 4 bytes per corner and 4 per vertex beside the result; of
+/// other polygons 8 per corner, and where vertices stand at one place or corners fall together a copy of the faces.
 #[must_use]
 pub fn topology(mesh: &Mesh) -> Topology {
     let (welded, coincident_vertices) = welded_vertices(mesh.points());
@@ -227,7 +228,7 @@ impl Fan {
                 break;
             }
         }
-        // The last corner that was reached, 0 unless it is the only one, closes the round.
+        // Places of `round` that were not reached are 0.
         let is_closed = at == 0 && (corners.len() == 1 || round[corners.len() - 1] != 0);
         if !is_closed {
             return false;

@@ -774,7 +774,8 @@ fn by_component(mesh: &Mesh, topology: &Topology, of_caps: &[(u32, [u32; 3])]) -
     let (faces, welded) = (mesh.faces(), &topology.welded);
     let all_distinct = topology.coincident_vertices == 0 && topology.collapsed_faces == 0;
     if all_distinct && faces.are_triangles() && topology.components == 1 && of_caps.is_empty() {
-        return (Triangles::OfMesh(mesh.shared_faces()), vec![0..faces.len()]);
+        let all = 0..faces.len();
+        return (Triangles::OfMesh(mesh.shared_faces()), vec![all]);
     }
     let distinct = |t: &[u32; 3]| {
         let [a, b, c] = t.map(|v| welded[v as usize]);
