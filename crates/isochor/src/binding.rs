@@ -12,7 +12,8 @@
 //! other deformers, stored in full, would become a second representation behind the same verbs.)
 //!
 //! Vertices that follow one another in the same cell are a *run*. Cubic rows have a fast path: the 4 × 4 × 4 controls of a run are
-//! brought together once, and eight vertices are taken at a time. [`Binding::cell_order`] is the order with the longest runs.
+//! brought together once, and eight vertices are taken at a time; where runs are short, vertices are sorted by cells first, some
+//! thousands at a time. [`Binding::cell_order`] is the order with the longest runs.
 //!
 //! Bits do not depend on the number of threads. They may depend on the processor: where it has fused multiply-adds these are used, unless
 //! [`Binding::portable`] forbids it.
@@ -41,6 +42,8 @@ pub struct Binding {
     /// Where in them, along u, v, w (#vertices each).
     local: [Vec<f64>; 3],
     kept: usize,
+    /// Whether the cells are in ascending order.
+    is_sorted: bool,
     is_portable: bool,
 }
 
@@ -63,6 +66,63 @@ struct Cell<'a> {
     /// Its polynomials along u, v, w, and whether they are tangents ([`Pieces`]).
     coefficients: [&'a [[f64; 4]]; 3],
     is_tangent: [bool; 3],
+}
+
+impl Cell<'_> {
+    /// The Bernstein polynomials of eight vertices from the i-th on along u, v, w; of tangents 1, t, 0, 0.
+    #[inline(always)]
+    fn polynomials<S: Simd>(&self, simd: S, places: &Places, i: usize) -> [Four<S>; 3] {
+        let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
+        let mut polynomials = [[zero; 4]; 3];
+        for axis in 0..3 {
+            let t = places.eight(simd, axis, i);
+            polynomials[axis] = if self.is_tangent[axis] {
+                [one, t, zero, zero]
+            } else {
+                let s = one - t;
+                let (ss, tt) = (s * s, t * t);
+                [ss * s, ss * t * 3.0, tt * s * 3.0, tt * t]
+            };
+        }
+        polynomials
+    }
+}
+
+/// Where some vertices lie.
+#[derive(Clone, Copy)]
+struct Places<'a> {
+    cells: &'a [[u16; 3]],
+    local: [&'a [f64]; 3],
+}
+
+/// The same in the order of cells.
+struct Sorted {
+    /// The vertex at each place.
+    order: Vec<u32>,
+    cells: Vec<[u16; 3]>,
+    local: [Vec<f64>; 3],
+}
+
+impl Places<'_> {
+    /// Along an axis, eight vertices from the i-th on; what is beyond the last one is 0.
+    #[inline(always)]
+    fn eight<S: Simd>(&self, simd: S, axis: usize, i: usize) -> f64x8<S> {
+        let local = self.local[axis];
+        match local.get(i..i + LANES) {
+            Some(eight) => f64x8::from_slice(simd, eight),
+            None => {
+                let mut padded = [0.0; LANES];
+                padded[..local.len() - i].copy_from_slice(&local[i..]);
+                f64x8::from_slice(simd, &padded)
+            }
+        }
+    }
+}
+
+impl Sorted {
+    fn places(&self) -> Places<'_> {
+        Places { cells: &self.cells, local: self.local.each_ref().map(|of| &of[..]) }
+    }
 }
 
 /// What there is one of per control or vertex: a number or a vector, of D coordinates.
@@ -128,13 +188,14 @@ impl Binding {
                 }
             }
         });
-        let kept = cells.iter().filter(|cell| **cell == KEPT).count();
+        let (kept, is_sorted) = (cells.iter().filter(|cell| **cell == KEPT).count(), cells.is_sorted());
         Self {
             size: bases.each_ref().map(Basis::size),
             pieces: Arc::new(pieces),
             cells,
             local,
             kept,
+            is_sorted,
             is_portable: false,
         }
     }
@@ -148,8 +209,16 @@ impl Binding {
     pub fn rows_of(&self, vertices: &[u32]) -> Self {
         let cells = parallel::collect(vertices.len(), |i| self.cells[vertices[i] as usize]);
         let local = self.local.each_ref().map(|of| parallel::collect(vertices.len(), |i| of[vertices[i] as usize]));
-        let kept = cells.iter().filter(|cell| **cell == KEPT).count();
-        Self { size: self.size, pieces: Arc::clone(&self.pieces), cells, local, kept, is_portable: self.is_portable }
+        let (kept, is_sorted) = (cells.iter().filter(|cell| **cell == KEPT).count(), cells.is_sorted());
+        Self {
+            size: self.size,
+            pieces: Arc::clone(&self.pieces),
+            cells,
+            local,
+            kept,
+            is_sorted,
+            is_portable: self.is_portable,
+        }
     }
 
     /// This binding without fused multiply-adds: products with it, and corrections by it, have the same bits on every processor. They take
@@ -410,10 +479,16 @@ impl Binding {
             let planes: [Vec<f64>; D] = std::array::from_fn(|x| c.iter().map(|c| c.coordinates()[x]).collect());
             let level = Level::new();
             parallel::for_each_chunk(out, parallel::CHUNK, |first, out| {
-                dispatch!(level, simd => match self.is_portable {
-                    false => self.cubic_product::<_, T, U, D, true>(simd, &planes, first, out, &finish),
-                    true => self.cubic_product::<_, T, U, D, false>(simd, &planes, first, out, &finish),
-                });
+                let places = self.places(first..first + out.len());
+                let Some(sorted) = self.sorted(&places) else {
+                    let finish = |i: usize, sum| finish(first + i, sum);
+                    return self.dispatched_product(level, &planes, places, out, finish);
+                };
+                let vertex = |i: usize| sorted.order[i] as usize;
+                let mut there = vec![U::default(); out.len()];
+                let finish = |i: usize, sum| finish(first + vertex(i), sum);
+                self.dispatched_product(level, &planes, sorted.places(), &mut there, finish);
+                there.into_iter().enumerate().for_each(|(i, x)| out[vertex(i)] = x);
             });
             return;
         }
@@ -433,41 +508,75 @@ impl Binding {
         });
     }
 
+    /// These places in the order of cells, where runs are short and become longer so.
+    fn sorted(&self, Places { cells, local }: &Places) -> Option<Sorted> {
+        /// Vertices in a run, on average, below which sorting takes less time than it saves.
+        const LONG: usize = 16;
+        if self.is_sorted || cells.chunk_by(|a, b| a == b).count() * LONG <= cells.len() || cells.is_sorted() {
+            return None;
+        }
+        let mut keys: Vec<([u16; 3], u32)> = cells.iter().copied().zip(0..).collect();
+        keys.sort_unstable();
+        let order: Vec<u32> = keys.iter().map(|(_, i)| *i).collect();
+        let local = local.map(|of| order.iter().map(|i| of[*i as usize]).collect());
+        Some(Sorted { order, cells: keys.into_iter().map(|(cell, _)| cell).collect(), local })
+    }
+
+    fn dispatched_product<T: Entry<D>, U, const D: usize>(
+        &self,
+        level: Level,
+        planes: &[Vec<f64>; D],
+        places: Places,
+        out: &mut [U],
+        finish: impl Fn(usize, T) -> U,
+    ) {
+        dispatch!(level, simd => match self.is_portable {
+            false => self.cubic_product::<_, T, U, D, true>(simd, planes, places, out, &finish),
+            true => self.cubic_product::<_, T, U, D, false>(simd, planes, places, out, &finish),
+        });
+    }
+
+    /// `finish(i, the sum)` for the i-th of some vertices.
     #[inline(always)]
     fn cubic_product<S: Simd, T: Entry<D>, U, const D: usize, const FUSED: bool>(
         &self,
         simd: S,
         planes: &[Vec<f64>; D],
-        first: usize,
+        places: Places,
         out: &mut [U],
         finish: impl Fn(usize, T) -> U,
     ) {
-        let mut v = first;
-        for run in self.cells[first..first + out.len()].chunk_by(|a, b| a == b) {
-            let end = v + run.len();
+        let mut i = 0;
+        for run in places.cells.chunk_by(|a, b| a == b) {
+            let end = i + run.len();
             let Some(cell) = self.cubic_cell(run[0]) else {
-                (v..end).for_each(|v| out[v - first] = finish(v, T::default()));
-                v = end;
+                (i..end).zip(&mut out[i..end]).for_each(|(i, out)| *out = finish(i, T::default()));
+                i = end;
                 continue;
             };
             let controls = self.bezier_controls(planes, &cell);
-            while v < end {
-                let count = LANES.min(end - v);
-                let polynomials = self.polynomials(simd, &cell, v);
+            while i < end {
+                let count = LANES.min(end - i);
+                let polynomials = cell.polynomials(simd, &places, i);
                 let mut sums = [[0.0; LANES]; D];
                 for x in 0..D {
                     blended::<S, FUSED>(simd, &polynomials, &controls[x]).store_slice(&mut sums[x]);
                 }
-                for lane in 0..count {
+                for (lane, out) in out[i..i + count].iter_mut().enumerate() {
                     let mut coordinates = [0.0; D];
                     for x in 0..D {
                         coordinates[x] = sums[x][lane];
                     }
-                    out[v + lane - first] = finish(v + lane, T::of(coordinates));
+                    *out = finish(i + lane, T::of(coordinates));
                 }
-                v += count;
+                i += count;
             }
         }
+    }
+
+    /// Where some vertices lie.
+    fn places(&self, vertices: Range<usize>) -> Places<'_> {
+        Places { cells: &self.cells[vertices.clone()], local: self.local.each_ref().map(|of| &of[vertices.clone()]) }
     }
 
     /// `None` for vertices that are kept.
@@ -504,38 +613,6 @@ impl Binding {
         controls
     }
 
-    /// Where eight vertices from v on lie along an axis; what is beyond the last vertex is 0.
-    #[inline(always)]
-    fn eight<S: Simd>(&self, simd: S, axis: usize, v: usize) -> f64x8<S> {
-        let local = &self.local[axis];
-        match local.get(v..v + LANES) {
-            Some(eight) => f64x8::from_slice(simd, eight),
-            None => {
-                let mut padded = [0.0; LANES];
-                padded[..local.len() - v].copy_from_slice(&local[v..]);
-                f64x8::from_slice(simd, &padded)
-            }
-        }
-    }
-
-    /// The Bernstein polynomials of eight vertices from v on along u, v, w; of tangents 1, t, 0, 0.
-    #[inline(always)]
-    fn polynomials<S: Simd>(&self, simd: S, cell: &Cell, v: usize) -> [Four<S>; 3] {
-        let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
-        let mut polynomials = [[zero; 4]; 3];
-        for axis in 0..3 {
-            let t = self.eight(simd, axis, v);
-            polynomials[axis] = if cell.is_tangent[axis] {
-                [one, t, zero, zero]
-            } else {
-                let s = one - t;
-                let (ss, tt) = (s * s, t * t);
-                [ss * s, ss * t * 3.0, tt * s * 3.0, tt * t]
-            };
-        }
-        polynomials
-    }
-
     /// `Wᵀ g` for `g(v)`.
     pub(crate) fn transposed_product<T: Entry<D>, const D: usize>(
         &self,
@@ -555,10 +632,13 @@ impl Binding {
         g: impl Fn(usize) -> T,
     ) -> Vec<T> {
         if self.is_cubic() {
-            return dispatch!(Level::new(), simd => match self.is_portable {
-                false => self.cubic_transposed_product::<_, T, D, true>(simd, vertices, &g),
-                true => self.cubic_transposed_product::<_, T, D, false>(simd, vertices, &g),
-            });
+            let (first, places) = (vertices.start, self.places(vertices));
+            return match self.sorted(&places) {
+                None => self.dispatched_transposed_product(places, |i| g(first + i)),
+                Some(sorted) => {
+                    self.dispatched_transposed_product(sorted.places(), |i| g(first + sorted.order[i] as usize))
+                }
+            };
         }
         let mut sum = vec![T::default(); self.control_count()];
         let mut scratch = Vec::new();
@@ -588,33 +668,45 @@ impl Binding {
         total
     }
 
+    fn dispatched_transposed_product<T: Entry<D>, const D: usize>(
+        &self,
+        places: Places,
+        g: impl Fn(usize) -> T,
+    ) -> Vec<T> {
+        dispatch!(Level::new(), simd => match self.is_portable {
+            false => self.cubic_transposed_product::<_, T, D, true>(simd, places, &g),
+            true => self.cubic_transposed_product::<_, T, D, false>(simd, places, &g),
+        })
+    }
+
+    /// What some vertices, with `g(i)` of the i-th of them, add to `Wᵀ g` (#controls).
     #[inline(always)]
     fn cubic_transposed_product<S: Simd, T: Entry<D>, const D: usize, const FUSED: bool>(
         &self,
         simd: S,
-        vertices: Range<usize>,
+        places: Places,
         g: impl Fn(usize) -> T,
     ) -> Vec<T> {
         let mut planes: [Vec<f64>; D] = std::array::from_fn(|_| vec![0.0; self.control_count()]);
         let mut batch = Batch::<D>::zero();
-        let mut v = vertices.start;
-        for run in self.cells[vertices].chunk_by(|a, b| a == b) {
-            let end = v + run.len();
+        let mut i = 0;
+        for run in places.cells.chunk_by(|a, b| a == b) {
+            let end = i + run.len();
             let Some(cell) = self.cubic_cell(run[0]) else {
-                v = end;
+                i = end;
                 continue;
             };
             let mut sums = [[[0.0; 16]; 4]; D];
-            while v < end {
-                let count = BATCH.min(end - v);
+            while i < end {
+                let count = BATCH.min(end - i);
                 for first in (0..count).step_by(LANES) {
-                    let polynomials = self.polynomials(simd, &cell, v + first);
+                    let polynomials = cell.polynomials(simd, &places, i + first);
                     batch.set(simd, first, &polynomials, |lane| {
-                        if first + lane < count { g(v + first + lane) } else { T::default() }
+                        if first + lane < count { g(i + first + lane) } else { T::default() }
                     });
                 }
                 batch.add_to::<S, FUSED>(simd, count, &mut sums);
-                v += count;
+                i += count;
             }
             self.add_sums(&cell, &sums, &mut planes);
         }
@@ -807,11 +899,11 @@ mod tests {
     fn at_baseline<const FUSED: bool>(binding: &Binding, c: &[DVec3], g: &[DVec3]) -> (Vec<DVec3>, Vec<DVec3>) {
         let planes = [0, 1, 2].map(|x| c.iter().map(|c| c[x]).collect());
         let mut apply = vec![DVec3::ZERO; g.len()];
-        let level = Level::baseline();
+        let (level, places) = (Level::baseline(), binding.places(0..g.len()));
         let same = |_, d: DVec3| d;
-        dispatch!(level, simd => binding.cubic_product::<_, _, _, 3, FUSED>(simd, &planes, 0, &mut apply, same));
-        let all = 0..g.len();
-        let adjoint = dispatch!(level, simd => binding.cubic_transposed_product::<_, _, 3, FUSED>(simd, all, |v| g[v]));
+        dispatch!(level, simd => binding.cubic_product::<_, _, _, 3, FUSED>(simd, &planes, places, &mut apply, same));
+        let adjoint =
+            dispatch!(level, simd => binding.cubic_transposed_product::<_, _, 3, FUSED>(simd, places, |v| g[v]));
         (apply, adjoint)
     }
 
