@@ -74,9 +74,9 @@ impl Cell<'_> {
     fn polynomials<S: Simd>(&self, simd: S, places: &Places, i: usize) -> [Four<S>; 3] {
         let (zero, one) = (f64x8::splat(simd, 0.0), f64x8::splat(simd, 1.0));
         let mut polynomials = [[zero; 4]; 3];
-        for axis in 0..3 {
+        for (axis, polynomials) in polynomials.iter_mut().enumerate() {
             let t = places.eight(simd, axis, i);
-            polynomials[axis] = if self.is_tangent[axis] {
+            *polynomials = if self.is_tangent[axis] {
                 [one, t, zero, zero]
             } else {
                 let s = one - t;
@@ -770,8 +770,8 @@ impl<const D: usize> Batch<D> {
         }
         for x in 0..D {
             let of_g = f64x8::from_slice(simd, &of_g[x]);
-            for c in 0..4 {
-                (w[c] * of_g).store_slice(&mut self.wg[x][c][first..first + LANES]);
+            for (w, wg) in w.iter().zip(&mut self.wg[x]) {
+                (*w * of_g).store_slice(&mut wg[first..first + LANES]);
             }
         }
     }
@@ -779,12 +779,12 @@ impl<const D: usize> Batch<D> {
     /// Adds `Σ u_a v_b w_c g_x` of the first `count` vertices to `sums[x][c][4a + b]`.
     #[inline(always)]
     fn add_to<S: Simd, const FUSED: bool>(&self, simd: S, count: usize, sums: &mut [[[f64; 16]; 4]; D]) {
-        for x in 0..D {
+        for (wg, sums) in self.wg.iter().zip(sums) {
             // Two at a time: eight packed sums, as many as are needed to keep the processor busy.
             for c in [0, 2] {
                 let zero = f64x8::splat(simd, 0.0);
                 let [mut even_low, mut even_high, mut odd_low, mut odd_high] = [zero; 4];
-                let (even, odd) = (&self.wg[x][c][..count], &self.wg[x][c + 1][..count]);
+                let (even, odd) = (&wg[c][..count], &wg[c + 1][..count]);
                 for ((uv, even), odd) in self.uv[..count].iter().zip(even).zip(odd) {
                     let (low, high) = (f64x8::from_slice(simd, &uv[..LANES]), f64x8::from_slice(simd, &uv[LANES..]));
                     let (even, odd) = (f64x8::splat(simd, *even), f64x8::splat(simd, *odd));
@@ -794,7 +794,7 @@ impl<const D: usize> Batch<D> {
                     odd_high = times_plus::<S, FUSED>(high, odd, odd_high);
                 }
                 for (c, low, high) in [(c, even_low, even_high), (c + 1, odd_low, odd_high)] {
-                    let (sum_low, sum_high) = sums[x][c].split_at_mut(LANES);
+                    let (sum_low, sum_high) = sums[c].split_at_mut(LANES);
                     (f64x8::from_slice(simd, sum_low) + low).store_slice(sum_low);
                     (f64x8::from_slice(simd, sum_high) + high).store_slice(sum_high);
                 }
@@ -836,19 +836,19 @@ fn tensor_product([u, v, w]: &[&[[f64; 4]]; 3], x: &[[f64; 4]; 16]) -> [[f64; 4]
             along_w[k] = w[k][0] * x[0] + w[k][1] * x[1] + w[k][2] * x[2] + w[k][3] * x[3];
         }
     }
-    for line in 0..16 {
+    for (line, along_vw) in along_vw.iter_mut().enumerate() {
         let (a, j) = (4 * (line / 4), line % 4);
         for k in 0..4 {
-            along_vw[line][k] = v[j][0] * along_w[a][k]
+            along_vw[k] = v[j][0] * along_w[a][k]
                 + v[j][1] * along_w[a + 1][k]
                 + v[j][2] * along_w[a + 2][k]
                 + v[j][3] * along_w[a + 3][k];
         }
     }
-    for line in 0..16 {
+    for (line, product) in product.iter_mut().enumerate() {
         let (i, j) = (line / 4, line % 4);
         for k in 0..4 {
-            product[line][k] = u[i][0] * along_vw[j][k]
+            product[k] = u[i][0] * along_vw[j][k]
                 + u[i][1] * along_vw[4 + j][k]
                 + u[i][2] * along_vw[8 + j][k]
                 + u[i][3] * along_vw[12 + j][k];
