@@ -1150,6 +1150,19 @@ fn conversion_keeps_the_volume() {
 }
 
 #[test]
+fn portable_bits_are_a_flag_and_a_key() {
+    // What they are is shown on other processors, in portable.rs.
+    let folder = Folder::new();
+    let line = "shape:bottle?n=12 -o flag.ply --precision f64 --twist z=90 --portable-bits";
+    assert_eq!(folder.report(line)["correction"]["status"], "exact");
+    let job = "model = \"shape:bottle?n=12\"\noutput = \"key.ply\"\nprecision = \"f64\"\nportable_bits = true\n\
+               [[edit]]\ntwist = { axis = \"z\", degrees = 90 }\n";
+    folder.write("portable.toml", job);
+    folder.report("--job portable.toml");
+    assert!(folder.bytes("flag.ply") == folder.bytes("key.ply"));
+}
+
+#[test]
 fn precision_f64_writes_what_floats_cannot_hold() {
     let folder = Folder::new();
     let ring = Document::from_mesh(&shapes::uv_torus(1.0, 0.3, 48, 24), Format::Ply, NumberType::F32).unwrap();
