@@ -108,10 +108,12 @@ mod rows;
 mod select;
 mod sensitivity;
 pub mod shapes;
+mod sheet;
 mod shells;
 mod simplify;
 mod spare;
 mod square;
+mod surface;
 mod sweep;
 pub mod tolerances;
 mod topology;
@@ -151,8 +153,10 @@ pub use report::{
 };
 pub use select::{ControlSpace, SelectError, Selector};
 pub use sensitivity::{Cause, Effect, Sensitivity};
+pub use sheet::Sheet;
 pub use shells::{Role, Shell, roles};
 pub use simplify::coarse_triangles;
+pub use surface::{Jet, Surface};
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 
