@@ -696,7 +696,7 @@ impl Binding {
                 i = end;
                 continue;
             };
-            let mut sums = [[[0.0; 16]; 4]; D];
+            let mut sums: Sums<D> = [[[[0.0; QUARTET]; 16]; 4]; D];
             while i < end {
                 let count = BATCH.min(end - i);
                 for first in (0..count).step_by(LANES) {
@@ -713,15 +713,15 @@ impl Binding {
         (0..self.control_count()).map(|c| T::of(std::array::from_fn(|x| planes[x][c]))).collect()
     }
 
-    /// Adds `sums[x][c][4a + b]` of a cell, which are for its polynomials, to the planes of all controls.
+    /// Adds the sums of a cell, which are for its polynomials, to the planes of all controls.
     #[inline(always)]
-    fn add_sums<const D: usize>(&self, cell: &Cell, sums: &[[[f64; 16]; 4]; D], planes: &mut [Vec<f64>; D]) {
+    fn add_sums<const D: usize>(&self, cell: &Cell, sums: &Sums<D>, planes: &mut [Vec<f64>; D]) {
         let transposed = [0, 1, 2].map(|axis| transposed(cell.coefficients[axis]));
         let coefficients = transposed.each_ref().map(|matrix| &matrix[..]);
         for (sums, plane) in sums.iter().zip(planes) {
             let mut lines = [[0.0; 4]; 16];
             for (line, of_line) in lines.iter_mut().enumerate() {
-                *of_line = [sums[0][line], sums[1][line], sums[2][line], sums[3][line]];
+                *of_line = std::array::from_fn(|c| added(sums[c][line]));
             }
             for (line, of_line) in tensor_product(&coefficients, &lines).iter().enumerate() {
                 let first = self.line(cell.start, line / 4, line % 4);
@@ -733,8 +733,8 @@ impl Binding {
 
 /// Vertices of a cell on their way to `Σ u_a v_b w_c g_x`, a product of matrices: of what is along u and v with what is along w and of g.
 struct Batch<const D: usize> {
-    /// `u_a v_b` at [vertex][4a + b].
-    uv: [[f64; 16]; BATCH],
+    /// `u_a v_b` at [4a + b][vertex].
+    uv: [[f64; BATCH]; 16],
     /// `w_c g_x` at [x][c][vertex].
     wg: [[[f64; BATCH]; 4]; D],
 }
@@ -743,64 +743,70 @@ struct Batch<const D: usize> {
 /// [`LANES`].
 const BATCH: usize = 64;
 
+/// `Σ u_a v_b w_c g_x` of a cell's vertices at [x][c][4a + b], a sum for each vertex in four. They are added at the cell's end.
+type Sums<const D: usize> = [[[[f64; QUARTET]; 16]; 4]; D];
+
+/// Vertices that are added side by side: with four, eight packed sums stay in registers beside what they take up.
+const QUARTET: usize = 4;
+
 impl<const D: usize> Batch<D> {
     fn zero() -> Self {
-        Self { uv: [[0.0; 16]; BATCH], wg: [[[0.0; BATCH]; 4]; D] }
+        Self { uv: [[0.0; BATCH]; 16], wg: [[[0.0; BATCH]; 4]; D] }
     }
 
     /// Puts eight vertices there, from place `first` on.
     #[inline(always)]
     fn set<S: Simd, T: Entry<D>>(&mut self, simd: S, first: usize, [u, v, w]: &[Four<S>; 3], g: impl Fn(usize) -> T) {
-        let (mut along_u, mut along_v) = ([[0.0; LANES]; 4], [[0.0; LANES]; 4]);
-        for a in 0..4 {
-            u[a].store_slice(&mut along_u[a]);
-            v[a].store_slice(&mut along_v[a]);
+        let place = first..first + LANES;
+        for (uv, (a, b)) in self.uv.iter_mut().zip((0..4).flat_map(|a| (0..4).map(move |b| (a, b)))) {
+            (u[a] * v[b]).store_slice(&mut uv[place.clone()]);
         }
-        let mut of_g = [[0.0; LANES]; D];
+        let mut all_g = [[0.0; LANES]; D];
         for lane in 0..LANES {
-            let along_v = [along_v[0][lane], along_v[1][lane], along_v[2][lane], along_v[3][lane]];
-            let along_v = f64x4::from_slice(simd, &along_v);
-            let (low, high) = self.uv[first + lane].split_at_mut(LANES);
-            (along_v * along_u[0][lane]).combine(along_v * along_u[1][lane]).store_slice(low);
-            (along_v * along_u[2][lane]).combine(along_v * along_u[3][lane]).store_slice(high);
-            let g = g(lane).coordinates();
-            for x in 0..D {
-                of_g[x][lane] = g[x];
+            for (of_x, x) in all_g.iter_mut().zip(g(lane).coordinates()) {
+                of_x[lane] = x;
             }
         }
-        for x in 0..D {
-            let of_g = f64x8::from_slice(simd, &of_g[x]);
-            for (w, wg) in w.iter().zip(&mut self.wg[x]) {
-                (*w * of_g).store_slice(&mut wg[first..first + LANES]);
+        for (of_x, wg) in all_g.iter().zip(&mut self.wg) {
+            let of_x = f64x8::from_slice(simd, of_x);
+            for (w, wg) in w.iter().zip(wg) {
+                (*w * of_x).store_slice(&mut wg[place.clone()]);
             }
         }
     }
 
-    /// Adds `Σ u_a v_b w_c g_x` of the first `count` vertices to `sums[x][c][4a + b]`.
+    /// Adds `Σ u_a v_b w_c g_x` of the first `count` vertices, rounded up to whole eights.
     #[inline(always)]
-    fn add_to<S: Simd, const FUSED: bool>(&self, simd: S, count: usize, sums: &mut [[[f64; 16]; 4]; D]) {
+    fn add_to<S: Simd, const FUSED: bool>(&self, simd: S, count: usize, sums: &mut Sums<D>) {
+        let count = count.next_multiple_of(LANES);
         for (wg, sums) in self.wg.iter().zip(sums) {
-            // Two at a time: eight packed sums, as many as are needed to keep the processor busy.
-            for c in [0, 2] {
-                let zero = f64x8::splat(simd, 0.0);
-                let [mut even_low, mut even_high, mut odd_low, mut odd_high] = [zero; 4];
-                let (even, odd) = (&wg[c][..count], &wg[c + 1][..count]);
-                for ((uv, even), odd) in self.uv[..count].iter().zip(even).zip(odd) {
-                    let (low, high) = (f64x8::from_slice(simd, &uv[..LANES]), f64x8::from_slice(simd, &uv[LANES..]));
-                    let (even, odd) = (f64x8::splat(simd, *even), f64x8::splat(simd, *odd));
-                    even_low = times_plus::<S, FUSED>(low, even, even_low);
-                    even_high = times_plus::<S, FUSED>(high, even, even_high);
-                    odd_low = times_plus::<S, FUSED>(low, odd, odd_low);
-                    odd_high = times_plus::<S, FUSED>(high, odd, odd_high);
+            for line in (0..16).step_by(2) {
+                let of = |c: usize, line: usize| f64x4::from_slice(simd, &sums[c][line]);
+                let mut even = [of(0, line), of(1, line), of(2, line), of(3, line)];
+                let mut odd = [of(0, line + 1), of(1, line + 1), of(2, line + 1), of(3, line + 1)];
+                for first in (0..count).step_by(QUARTET) {
+                    let place = first..first + QUARTET;
+                    let even_uv = f64x4::from_slice(simd, &self.uv[line][place.clone()]);
+                    let odd_uv = f64x4::from_slice(simd, &self.uv[line + 1][place.clone()]);
+                    for c in 0..4 {
+                        let wg = f64x4::from_slice(simd, &wg[c][place.clone()]);
+                        even[c] = times_plus_four::<S, FUSED>(even_uv, wg, even[c]);
+                        odd[c] = times_plus_four::<S, FUSED>(odd_uv, wg, odd[c]);
+                    }
                 }
-                for (c, low, high) in [(c, even_low, even_high), (c + 1, odd_low, odd_high)] {
-                    let (sum_low, sum_high) = sums[c].split_at_mut(LANES);
-                    (f64x8::from_slice(simd, sum_low) + low).store_slice(sum_low);
-                    (f64x8::from_slice(simd, sum_high) + high).store_slice(sum_high);
+                for c in 0..4 {
+                    even[c].store_slice(&mut sums[c][line]);
+                    odd[c].store_slice(&mut sums[c][line + 1]);
                 }
             }
         }
     }
+}
+
+/// `a b + c`, as [`times_plus`].
+#[inline(always)]
+fn times_plus_four<S: Simd, const FUSED: bool>(a: f64x4<S>, b: f64x4<S>, c: f64x4<S>) -> f64x4<S> {
+    if FUSED { a.mul_add(b, c) } else { a * b + c }
 }
 
 /// `a b + c`, with one rounding where the processor can and `FUSED` allows it.
@@ -855,6 +861,11 @@ fn tensor_product([u, v, w]: &[&[[f64; 4]]; 3], x: &[[f64; 4]; 16]) -> [[f64; 4]
         }
     }
     product
+}
+
+#[inline(always)]
+fn added([a, b, c, d]: [f64; QUARTET]) -> f64 {
+    (a + b) + (c + d)
 }
 
 /// The transposed of a matrix.

@@ -1,7 +1,7 @@
 //! A coarse stand-in for a posed body, over a few of its vertices.
 //!
-//! Vertices are put together by the cells of a cubic grid; each cluster is represented by the member nearest to its mean, which lies on
-//! the surface. Any identification of vertices keeps a closed mesh balanced, so the stand-in is a body too. It is good for second
+//! Vertices are put together by the cells of a cubic grid; each cluster is represented by the member nearest to the middle of the
+//! cell, which lies on the surface. Any identification of vertices keeps a closed mesh balanced, so the stand-in is a body too. It is good for second
 //! derivatives; volumes and gradients are corrected against the fine mesh by whoever uses it ([`crate::nearest`]).
 
 use std::sync::Arc;
@@ -20,7 +20,7 @@ use crate::volume::Solid;
 pub(crate) const LEAST_VERTICES: usize = 30_000;
 
 /// Cells along the longest side of the body. More: fewer fine evaluations; fewer: cheaper coarse ones.
-const CELLS: usize = 32;
+const CELLS: usize = 40;
 
 /// A body of few vertices, their binding and their posed positions.
 pub(crate) struct Coarse {
@@ -49,41 +49,55 @@ impl Coarse {
     }
 }
 
-/// The cluster of each point (#points), numbered by first member, and the representative of each cluster. `None` without extent.
+/// The cluster of each point (#points), and the representative of each cluster. `None` without extent.
 fn clusters(points: &[DVec3]) -> Option<(Vec<u32>, Vec<u32>)> {
     /// Cells along a side, the one at its end included.
     const SIDE: usize = CELLS + 1;
+    /// Parts of the points that are taken at once at most. More: threads wait less for each other; fewer: fewer tables of all cells.
+    const PARTS: usize = 8;
     let bounds = Bounds::of(points)?;
     let per_length = CELLS as f64 / bounds.extent();
     if !per_length.is_finite() {
         return None;
     }
-    let cells = parallel::collect(points.len(), |v| {
-        let [x, y, z] = ((points[v] - bounds.min) * per_length).to_array().map(|x| (x as usize).min(CELLS));
-        ((x * SIDE + y) * SIDE + z) as u32
+    let mut cells = vec![0; points.len()];
+    let nearest = parallel::map_parts(&mut cells, points.len().div_ceil(PARTS), |first, cells| {
+        let mut nearest = vec![Nearest::NONE; SIDE * SIDE * SIDE];
+        for ((v, cell), point) in (first..).zip(cells).zip(&points[first..]) {
+            let place = (point - bounds.min) * per_length;
+            let [x, y, z] = place.to_array().map(|x| (x as usize).min(CELLS));
+            let middle = DVec3::new(x as f64, y as f64, z as f64) + 0.5;
+            *cell = ((x * SIDE + y) * SIDE + z) as u32;
+            nearest[*cell as usize].take(Nearest { distance: place.distance_squared(middle), vertex: v as u32 });
+        }
+        nearest
     });
-    let mut sums = vec![(DVec3::ZERO, 0.0); SIDE * SIDE * SIDE];
-    for (point, &cell) in points.iter().zip(&cells) {
-        let (sum, count) = &mut sums[cell as usize];
-        *sum += *point;
-        *count += 1.0;
-    }
-    let mut cluster_of_cell = vec![u32::MAX; sums.len()];
-    let mut nearest: Vec<(f64, u32)> = Vec::new();
-    let mut cluster_of = cells;
-    for ((v, point), cluster) in (0..).zip(points).zip(&mut cluster_of) {
-        let (sum, count) = sums[*cluster as usize];
-        let distance = point.distance_squared(sum / count);
-        let known = &mut cluster_of_cell[*cluster as usize];
-        if *known == u32::MAX {
-            *known = nearest.len() as u32;
-            nearest.push((f64::INFINITY, v));
-        }
-        *cluster = *known;
-        let best = &mut nearest[*known as usize];
-        if distance < best.0 {
-            *best = (distance, v);
+    let mut cluster_of_cell = vec![u32::MAX; SIDE * SIDE * SIDE];
+    let mut representatives = Vec::new();
+    for (cell, cluster) in cluster_of_cell.iter_mut().enumerate() {
+        let mut best = Nearest::NONE;
+        nearest.iter().for_each(|of_part| best.take(of_part[cell]));
+        if best.distance < f64::INFINITY {
+            *cluster = representatives.len() as u32;
+            representatives.push(best.vertex);
         }
     }
-    Some((cluster_of, nearest.into_iter().map(|(_, v)| v).collect()))
+    Some((parallel::collect(cells.len(), |v| cluster_of_cell[cells[v] as usize]), representatives))
+}
+
+/// The point of a cell that is nearest to its middle, the first of those.
+#[derive(Clone, Copy)]
+struct Nearest {
+    distance: f64,
+    vertex: u32,
+}
+
+impl Nearest {
+    const NONE: Self = Self { distance: f64::INFINITY, vertex: 0 };
+
+    fn take(&mut self, other: Self) {
+        if other.distance < self.distance {
+            *self = other;
+        }
+    }
 }

@@ -572,7 +572,10 @@ impl<'a> Corrector<'a> {
         let order = self.order.as_ref();
         let vertex = |i: usize| order.map_or(i, |order| order.vertices[i] as usize);
         let mut near = self.spare.array();
-        let bounds = Bounds::filled(near.memory(), posed.len(), |i| posed[vertex(i)]);
+        let bounds = match order {
+            Some(order) => Bounds::filled(near.memory(), posed.len(), |i| posed[order.vertices[i] as usize]),
+            None => Bounds::filled(near.memory(), posed.len(), |i| posed[i]),
+        };
         if !bounds.is_none_or(|bounds| bounds.is_finite()) {
             let vertex = posed.iter().position(|p| !p.is_finite()).unwrap_or_default();
             return Err(CorrectError::NotFinite { vertex, position: posed[vertex] });
@@ -1156,7 +1159,11 @@ impl<'a> Problem<'a> {
 
     /// `state` after the smallest step that takes away `deficits` to first order; `None` where there is none.
     pub(crate) fn after_least(&self, state: &State, deficits: &[f64]) -> Option<State> {
-        let normals = self.normals(&self.slopes(state));
-        Some(state.after(&self.step(&self.least(&normals, deficits).ok()?)))
+        self.after_least_along(&self.normals(&self.slopes(state)), state, deficits)
+    }
+
+    /// [`Problem::after_least`] with normals that are known.
+    pub(crate) fn after_least_along(&self, normals: &Normals, state: &State, deficits: &[f64]) -> Option<State> {
+        Some(state.after(&self.step(&self.least(normals, deficits).ok()?)))
     }
 }

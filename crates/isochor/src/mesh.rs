@@ -283,12 +283,9 @@ impl Bounds {
     ) -> Option<Self> {
         parallel::resize(out, len);
         let spans = parallel::map_parts(out, parallel::CHUNK, |first, part| {
-            let mut span = Span::EMPTY;
-            for (p, i) in part.iter_mut().zip(first..) {
-                *p = point(i);
-                span = span.with(*p);
-            }
-            span
+            // Apart from each other: where points come from all over memory, a loop that does nothing else waits for more of them at once.
+            part.iter_mut().zip(first..).for_each(|(p, i)| *p = point(i));
+            part.iter().fold(Span::EMPTY, |span, p| span.with(*p))
         });
         Self::of_spans(len, &spans)
     }

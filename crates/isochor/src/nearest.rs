@@ -52,12 +52,12 @@ const HALVINGS: usize = 30;
 /// Evaluations of the fine mesh at most, while the coarse one stands for it. Ordinary poses take 5 to 8.
 const ROUNDS: usize = 20;
 
-/// Where rounds on the coarse level stop. Less: one more evaluation of the fine mesh for digits that [`tolerances::KKT_ENOUGH`] does not
-/// ask for; more: little is left of its margin.
-const ENOUGH: f64 = 1e-11;
-
 /// How much nearer than the fine mesh is the coarse one is searched. More: fine evaluations are wasted; less: coarse ones are.
 const BEYOND: f64 = 1e-3;
+
+/// How near the coarse one is searched at first, in extents, before it is known how far it is off: rarely by less than this. More: the
+/// first evaluation of the fine mesh is wasted; less: the first search is.
+const FIRST: f64 = 1e-4;
 
 /// A pose, on the surface or near it.
 struct Iterate {
@@ -87,9 +87,13 @@ pub(crate) fn corrected(problem: &Problem, start: State) -> Result<(State, f64),
         }
         None => search.minimum(search.first(start)?, tolerances::KKT),
     };
-    let residual = best.residual_norm;
+    let (residual, normals) = (best.residual_norm, best.normals);
     let end = problem.with_points(best.state)?;
-    let end = problem.finished(end, |state, deficits, _| problem.after_least(state, deficits));
+    let end = problem.finished(end, |state, deficits, round| match round {
+        // The last condition's normals are those of a pose that differs by rounding.
+        0 => problem.after_least_along(&normals, state, deficits),
+        _ => problem.after_least(state, deficits),
+    });
     Ok((end, residual))
 }
 
@@ -145,7 +149,7 @@ impl Search<'_> {
         let mut missing = f64::INFINITY;
         let mut mixed = Mixed::default();
         for _ in 0..ROUNDS {
-            let enough = (BEYOND * missing).clamp(tolerances::KKT, BEYOND * BEYOND);
+            let enough = (BEYOND * missing).clamp(tolerances::KKT, FIRST);
             let Some(found) = self.coarse_minimum(coarse, &best, enough) else { break };
             let z = mixed.next(&best.z, found);
             let next = self.iterate(self.unmeasured(&z, best.state.steps + 1), z);
@@ -159,7 +163,7 @@ impl Search<'_> {
                 break;
             }
             (best, missing) = (next, still_missing);
-            if missing <= ENOUGH {
+            if missing <= tolerances::KKT_ENOUGH {
                 return Ok(best);
             }
         }

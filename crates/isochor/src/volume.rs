@@ -567,8 +567,12 @@ impl Solid {
         let mut components = Vec::with_capacity(self.components.len());
         for range in &self.components {
             let start = triangles.len();
-            let renamed = self.triangles[range.clone()].iter().map(|t| t.map(renamed));
-            triangles.extend(renamed.filter(|[a, b, c]| a != b && b != c && c != a));
+            let of_component = &self.triangles[range.clone()];
+            let left = parallel::map_chunks(of_component.len(), parallel::CHUNK, |chunk| -> Vec<[u32; 3]> {
+                let renamed = of_component[chunk].iter().map(|t| t.map(renamed));
+                renamed.filter(|[a, b, c]| a != b && b != c && c != a).collect()
+            });
+            left.iter().for_each(|of_chunk| triangles.extend(of_chunk));
             components.push(start..triangles.len());
         }
         let members = |cap: &Cap| {
