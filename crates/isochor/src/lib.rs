@@ -103,6 +103,7 @@ mod pieces;
 mod points;
 mod posed;
 mod preview;
+mod refinement;
 mod report;
 mod rows;
 mod select;
@@ -148,6 +149,7 @@ pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice
 pub use points::{PointError, PointTarget, least_displacement};
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use preview::Preview;
+pub use refinement::Refinement;
 pub use report::{
     CorrectionReport, FilmReport, FrameReport, PartRow, Report, Stopwatch, Timings, VolumeReport, VolumeRow,
 };
