@@ -77,6 +77,7 @@ mod bspline;
 mod built_in;
 mod coarse;
 mod correct;
+mod descent;
 mod double;
 mod drag;
 mod edit;
@@ -85,6 +86,8 @@ mod energy;
 mod exact;
 #[cfg(feature = "serde")]
 mod film;
+mod flatten;
+mod geodesic;
 mod goals;
 mod gradient;
 mod health;
@@ -113,11 +116,14 @@ mod shells;
 mod simplify;
 mod spare;
 mod square;
+mod stress;
+mod stretch;
 mod surface;
 mod sweep;
 pub mod tolerances;
 mod topology;
 mod triangles;
+mod unroll;
 mod volume;
 
 pub use binding::{Binding, BoundVertices, displaced};
@@ -132,6 +138,10 @@ pub use edit::{
 pub use energy::Energy;
 #[cfg(feature = "serde")]
 pub use film::Film;
+pub use flatten::{
+    FlattenError, FlattenMethod, FlattenOptions, FlattenStart, FlattenStatus, FlattenWeights, Flattened, flatten,
+};
+pub use geodesic::Geodesic;
 pub use goals::{Components, VolumeGoal};
 pub use health::{ComponentHealth, Health, Source, Verdict};
 pub use job::{
@@ -156,6 +166,7 @@ pub use sensitivity::{Cause, Effect, Sensitivity};
 pub use sheet::Sheet;
 pub use shells::{Role, Shell, roles};
 pub use simplify::coarse_triangles;
+pub use stretch::{CellStretch, FlattenReport, SheetError};
 pub use surface::{Jet, Surface};
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
