@@ -26,9 +26,9 @@ const KEPT: f64 = 1e-4;
 /// surfaces whose stress falls slowly; smaller: steps that nobody needs.
 const LEFT: f64 = 0.03;
 
-/// A sheet whose stress is below this fraction of that of a point is isometric: lengths are right to its root. Larger: developable surfaces are
-/// not quite flattened; smaller: rounding is chased.
-const ISOMETRIC: f64 = 1e-20;
+/// A sheet whose stress is below this fraction of that of a point is isometric: lengths are right to its root, a tenth of
+/// [`crate::geodesic::LENGTH`]. Larger: developable surfaces are not quite flattened; smaller: errors of lengths are chased.
+const ISOMETRIC: f64 = 1e-16;
 
 /// A step shorter than this fraction of the direction changes nothing but rounding.
 const SHORTEST: f64 = 1e-8;

@@ -41,6 +41,10 @@ const MOVES: usize = 12;
 /// smaller: (1) is used where its terms grow.
 const NEAR: f64 = 0.5;
 
+/// An arc whose mean velocity misses the difference of parameters by more than this fraction of its length is not the geodesic between them.
+/// Larger: ways round the other side of a closed surface pass for it; smaller: arcs are halved for nothing.
+const ASIDE: f64 = 0.5;
+
 /// The length of a geodesic.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Geodesic {
@@ -56,6 +60,7 @@ pub(crate) struct Station {
     parameters: DVec2,
     point: DVec3,
     normal: DVec3,
+    first: [DVec3; 2],
     /// A tangent T has the parameter velocity `(dual[0]·T, dual[1]·T)`.
     dual: [DVec3; 2],
     second: [DVec3; 3],
@@ -78,7 +83,7 @@ impl Station {
         let area = jet.s.cross(jet.t).dot(normal);
         let dual = [jet.t.cross(normal) / area, normal.cross(jet.s) / area];
         let is_finite = jet.point.is_finite() && dual[0].is_finite() && dual[1].is_finite();
-        is_finite.then_some(Self { parameters, point: jet.point, normal, dual, second: [jet.ss, jet.st, jet.tt] })
+        is_finite.then_some(Self { parameters, point: jet.point, normal, first: [jet.s, jet.t], dual, second: [jet.ss, jet.st, jet.tt] })
     }
 
     fn on(surface: &Surface, parameters: DVec2) -> Option<Self> {
@@ -124,8 +129,12 @@ impl Arc {
             }
             let settled = 2.0 * c / (b + discriminant.sqrt());
             if (settled - length).abs() <= SETTLED * length {
+                // Another way round, as over the seam of a cylinder, is not the one that was asked for.
+                let missed = q.parameters - p.parameters - 0.5 * settled * (velocities[0] + velocities[1]);
+                let missed = missed.x * p.first[0] + missed.y * p.first[1];
                 let accelerations = [-p.velocity(second[0]), -q.velocity(second[1])];
-                return Some(Self { length: settled, tangents, velocities, accelerations });
+                let arc = Self { length: settled, tangents, velocities, accelerations };
+                return (missed.length() <= ASIDE * settled).then_some(arc);
             }
             length = settled;
             // x(L) − x(0) = L T₀ + L² (κ₀ N₀/3 + κ₁ N₁/6) + O(L⁴), and the same from the other end.

@@ -29,9 +29,9 @@ const PAIRS: usize = 16_384;
 /// The coarsest grid has at most so many points. Larger: factorising it takes longer; smaller: more iterations.
 const COARSEST: usize = 81;
 
-/// What is added to diagonals, relative to their mean, because rigid motions cost nothing. Larger: slow bends take more iterations; smaller: the
-/// rounding of a gradient along rigid motions moves the sheet.
-const RIGID: f64 = 1e-5;
+/// What is added to diagonals, relative to their mean, for sheets in which some displacement costs nothing. Larger: slow bends take more
+/// iterations; smaller: a start with points on one line has no inverse.
+const SOFT: f64 = 1e-8;
 
 /// (1) over a grid of `size` points; vectors over the grid are all x, then all y (2 · #points).
 #[derive(Clone, Debug)]
@@ -171,9 +171,9 @@ fn block(u: DVec2, d: f64, w: f64) -> DMat2 {
     4.0 * w * (along + (1.0 - d / l).max(0.0) * (DMat2::IDENTITY - along))
 }
 
-/// A block with [`RIGID`] on its diagonal.
-fn rigid(block: DMat2) -> DMat2 {
-    block + 0.5 * RIGID * (block.x_axis.x + block.y_axis.y) * DMat2::IDENTITY
+/// A block with [`SOFT`] on its diagonal.
+fn stiffened(block: DMat2) -> DMat2 {
+    block + 0.5 * SOFT * (block.x_axis.x + block.y_axis.y) * DMat2::IDENTITY
 }
 
 /// Every second point of a grid, and its last.
@@ -232,7 +232,7 @@ impl Inverse {
         while size[0] * size[1] > COARSEST && size.iter().any(|n| *n > 3) {
             let factor = hat_energy(width, &stress.steps);
             let inverse = places[0].iter().flat_map(|i| places[1].iter().map(move |j| i * stress.size[1] + j));
-            let inverse = inverse.map(|k| rigid(diagonal[k] * factor).inverse()).collect();
+            let inverse = inverse.map(|k| stiffened(diagonal[k] * factor).inverse()).collect();
             levels.push(Level { size, inverse });
             let next = size.map(halved);
             places = [0, 1].map(|a| (0..next[a]).map(|k| places[a][finer(k, size[a])]).collect());
@@ -279,7 +279,7 @@ fn hat_energy(width: usize, steps: &[[usize; 2]]) -> f64 {
 }
 
 /// The stress's second derivative on the coarsest grid, with lengths as they are at `at`, x and y of a point beside each other.
-fn coarse_matrix(stress: &Stress, places: &[Vec<usize>; 2], at: impl Fn(usize) -> DVec2) -> Mat<f64> {
+fn coarse_matrix(stress: &Stress, places: &[Vec<usize>; 2], at: impl Fn(usize) -> DVec2 + Copy) -> Mat<f64> {
     let columns = stress.size[1];
     let size = [places[0].len(), places[1].len()];
     let mut matrix = Mat::<f64>::zeros(2 * size[0] * size[1], 2 * size[0] * size[1]);
@@ -302,9 +302,20 @@ fn coarse_matrix(stress: &Stress, places: &[Vec<usize>; 2], at: impl Fn(usize) -
             }
         }
     }
+    // Rigid motions cost nothing; here each costs as much as the mean displacement, so that the sheet does not turn.
     let unknowns = matrix.nrows();
     let mean = (0..unknowns).map(|k| matrix[(k, k)]).sum::<f64>() / unknowns as f64;
-    (0..unknowns).for_each(|k| matrix[(k, k)] += RIGID * mean);
+    let nodes = places[0].iter().flat_map(|i| places[1].iter().map(move |j| at(i * columns + j)));
+    let nodes: Vec<DVec2> = nodes.collect();
+    let center = nodes.iter().sum::<DVec2>() / nodes.len() as f64;
+    for motion in [|_| DVec2::X, |_| DVec2::Y, DVec2::perp] {
+        let moved: Vec<f64> = nodes.iter().flat_map(|p| motion(*p - center).to_array()).collect();
+        let square: f64 = moved.iter().map(|m| m * m).sum();
+        for (column, c) in moved.iter().enumerate() {
+            moved.iter().enumerate().for_each(|(row, r)| matrix[(row, column)] += mean * r * c / square);
+        }
+    }
+    (0..unknowns).for_each(|k| matrix[(k, k)] += SOFT * mean);
     matrix
 }
 
