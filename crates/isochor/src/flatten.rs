@@ -25,7 +25,7 @@
 use glam::DVec2;
 
 use crate::descent::{self, State};
-use crate::geodesic::{Station, grid_lengths};
+use crate::geodesic::{Station, grid_lengths, plane_lengths};
 use crate::parallel;
 use crate::sheet::Sheet;
 use crate::stress::Stress;
@@ -226,7 +226,7 @@ pub fn flatten(surface: &Surface, options: &FlattenOptions) -> Result<Flattened,
         return Err(FlattenError::NotFinite { at: parameters(cells, k) });
     }
     let (stress, length_accuracy) = measured(surface, options, &jets)?;
-    let start = start(options, &jets, &stress)?;
+    let start = start(surface, options, &jets, &stress)?;
     let start_stress = start.stress;
     if !start_stress.is_finite() {
         return Err(FlattenError::NotFinite { at: parameters(cells, 0) });
@@ -276,19 +276,24 @@ fn is_finite(jet: &Jet) -> bool {
 /// The stress of the grid, and the relative error of its lengths.
 fn measured(surface: &Surface, options: &FlattenOptions, jets: &[Jet]) -> Result<(Stress, f64), FlattenError> {
     let &FlattenOptions { cells, reach, weights, .. } = options;
-    let columns = cells[1] + 1;
-    let station = |(k, jet): (usize, &Jet)| {
-        let at = parameters(cells, k);
-        Station::new(at, jet).ok_or(FlattenError::NoTangentPlane { at })
-    };
-    let stations = jets.iter().enumerate().map(station).collect::<Result<Vec<_>, _>>()?;
-    let index = |[i, j]: [usize; 2]| i * columns + j;
     // Steps longer than the grid reach nothing.
     let reach = reach.min(cells[0].max(cells[1]));
-    let lengths = grid_lengths(surface, &stations, cells, reach).map_err(|(from, to)| FlattenError::NoGeodesic {
-        from: parameters(cells, index(from)),
-        to: parameters(cells, index(to)),
-    })?;
+    let points = jets.len();
+    let at = |[i, j]: [usize; 2]| parameters(cells, i * (cells[1] + 1) + j);
+    let lengths = match developed(surface, cells) {
+        Some(flat) => plane_lengths(&flat, cells, reach),
+        None => {
+            let station = |k: usize| Station::new(parameters(cells, k), &jets[k]);
+            let stations: Vec<_> = (0..points).map(station).collect();
+            grid_lengths(surface, &stations, at, cells, reach).map_err(|(from, to)| {
+                let pole = [from, to].into_iter().find(|[i, j]| stations[i * (cells[1] + 1) + j].is_none());
+                match pole {
+                    Some(pole) => FlattenError::NoTangentPlane { at: at(pole) },
+                    None => FlattenError::NoGeodesic { from: at(from), to: at(to) },
+                }
+            })?
+        }
+    };
     let accuracy = lengths.error;
     let mean = match weights {
         FlattenWeights::Uniform => None,
@@ -311,11 +316,20 @@ fn measured(surface: &Surface, options: &FlattenOptions, jets: &[Jet]) -> Result
     }
 }
 
+/// The grid in the development of a surface that has one in closed form.
+fn developed(surface: &Surface, cells: [usize; 2]) -> Option<Vec<DVec2>> {
+    let points = (cells[0] + 1) * (cells[1] + 1);
+    (0..points).map(|k| parameters(cells, k)).map(|at| surface.development(at.x, at.y)).collect()
+}
+
 /// Where the search begins.
-fn start(options: &FlattenOptions, jets: &[Jet], stress: &Stress) -> Result<State, FlattenError> {
+fn start(surface: &Surface, options: &FlattenOptions, jets: &[Jet], stress: &Stress) -> Result<State, FlattenError> {
     let cells = options.cells;
     match &options.start {
         FlattenStart::Unrolled => {
+            if let Some(flat) = developed(surface, cells) {
+                return Ok(State::at(stress, &flat));
+            }
             let states = [Ribs::AlongT, Ribs::AlongS].map(|ribs| unrolled(jets, cells, ribs));
             let unfolded = states.into_iter().filter(|flat| folds(stress, cells, flat).is_empty());
             let least = unfolded.map(|flat| State::at(stress, &flat)).min_by(|a, b| a.stress.total_cmp(&b.stress));

@@ -83,7 +83,14 @@ impl Station {
         let area = jet.s.cross(jet.t).dot(normal);
         let dual = [jet.t.cross(normal) / area, normal.cross(jet.s) / area];
         let is_finite = jet.point.is_finite() && dual[0].is_finite() && dual[1].is_finite();
-        is_finite.then_some(Self { parameters, point: jet.point, normal, first: [jet.s, jet.t], dual, second: [jet.ss, jet.st, jet.tt] })
+        is_finite.then_some(Self {
+            parameters,
+            point: jet.point,
+            normal,
+            first: [jet.s, jet.t],
+            dual,
+            second: [jet.ss, jet.st, jet.tt],
+        })
     }
 
     fn on(surface: &Surface, parameters: DVec2) -> Option<Self> {
@@ -267,53 +274,86 @@ fn fourth_power([a, b]: [isize; 2]) -> f64 {
 /// Lengths of a row, and the largest error.
 type Row = Result<(Vec<f64>, f64), ([usize; 2], [usize; 2])>;
 
+/// Distances between all points of a grid in the plane within `reach` steps; (i, j) is at `i · (cells[1] + 1) + j`.
+pub(crate) fn plane_lengths(points: &[DVec2], cells: [usize; 2], reach: usize) -> GridLengths {
+    let steps = half_steps(reach);
+    let columns = cells[1] + 1;
+    let rows = parallel::map_chunks(cells[0] + 1, ROWS, |part| {
+        let mut lengths = Vec::with_capacity(part.len() * steps.len() * columns);
+        for i in part {
+            for step in &steps {
+                let length = |j: usize| {
+                    let end = grid_end(cells, [i, j], *step);
+                    end.map_or(f64::NAN, |[k, l]| points[i * columns + j].distance(points[k * columns + l]))
+                };
+                lengths.extend((0..columns).map(length));
+            }
+        }
+        lengths
+    });
+    GridLengths { steps, lengths: rows.concat(), error: 0.0 }
+}
+
+/// Rows of a grid of points in the plane that one thread measures. Larger: small grids leave threads idle; smaller: threads are woken for
+/// little.
+const ROWS: usize = 16;
+
+/// Where a step ends; none outside the grid.
+fn grid_end(cells: [usize; 2], [i, j]: [usize; 2], [a, b]: [isize; 2]) -> Option<[usize; 2]> {
+    let end = [i.checked_add_signed(a)?, j.checked_add_signed(b)?];
+    (end[0] <= cells[0] && end[1] <= cells[1]).then_some(end)
+}
+
 /// Lengths between all grid points within `reach` steps, or two for which none was found; `stations` are the grid's, (i, j) at
-/// `i · (cells[1] + 1) + j`.
+/// `i · (cells[1] + 1) + j`, none where there is no tangent plane.
 ///
-/// From each grid point the longest steps, straight and diagonal, are halved. Errors of (1) grow with the fourth power of the
-/// length, so these say for which of the steps between them (1) alone is good enough.
+/// Closed forms come first. Elsewhere the longest steps from each grid point, straight and diagonal, are halved. Errors of (1) grow with the fourth
+/// power of the length, so these say for which of the steps between them (1) alone is good enough.
 pub(crate) fn grid_lengths(
     surface: &Surface,
-    stations: &[Station],
+    stations: &[Option<Station>],
+    parameters: impl Fn([usize; 2]) -> DVec2 + Send + Sync,
     cells: [usize; 2],
     reach: usize,
 ) -> Result<GridLengths, ([usize; 2], [usize; 2])> {
     let steps = half_steps(reach);
     let columns = cells[1] + 1;
     let row = steps.len() * columns;
+    let at = |[i, j]: [usize; 2]| stations[i * columns + j].as_ref();
+    // Patches have no closed forms: time is not spent on asking.
+    let is_patch = surface.patch().is_some();
+    let refined = |p: [usize; 2], q: [usize; 2]| {
+        let exact = if is_patch { None } else { surface.geodesic(parameters(p), parameters(q)) };
+        let exact = exact.map(|length| Geodesic { length, error: 0.0 });
+        exact.or_else(|| between(surface, at(p)?, at(q)?)).ok_or((p, q))
+    };
+    let arc = |p: [usize; 2], q: [usize; 2]| arc_length(at(p)?, at(q)?);
     let rows: Vec<Row> = parallel::map(cells[0] + 1, |i| {
         let mut lengths = vec![f64::NAN; row];
         let mut worst: f64 = 0.0;
         for j in 0..columns {
-            let p = &stations[i * columns + j];
-            let end = |[a, b]: [isize; 2]| {
-                let [k, l] = [i.checked_add_signed(a)?, j.checked_add_signed(b)?];
-                (k <= cells[0] && l <= cells[1]).then_some([k, l])
-            };
-            let refined = |q: [usize; 2]| between(surface, p, &stations[q[0] * columns + q[1]]).ok_or(([i, j], q));
+            let p = [i, j];
             // Relative error of (1) by the fourth power of steps.
             let mut rate: f64 = 0.0;
             let longest = [[1, 0], [0, 1], [1, 1], [1, -1]].map(|[a, b]| {
-                let of = |m: &isize| end([m * a, m * b]).is_some();
-                (1..=reach as isize).rev().find(of).map(|m| [m * a, m * b])
+                let multiples = (1..=reach as isize).rev().map(|m| [m * a, m * b]);
+                multiples.filter_map(|step| grid_end(cells, p, step).map(|q| (step, q))).next()
             });
-            for step in longest.into_iter().flatten() {
-                let q = end(step).expect("it was found in the grid");
-                let geodesic = refined(q)?;
-                let arc = arc_length(p, &stations[q[0] * columns + q[1]]);
-                let error = arc.map_or(f64::INFINITY, |arc| (arc - geodesic.length).abs() / geodesic.length);
-                rate = rate.max(error / fourth_power(step));
+            for (step, q) in longest.into_iter().flatten() {
+                let geodesic = refined(p, q)?;
+                let off = |length: f64| (length - geodesic.length).abs() / geodesic.length;
+                rate = rate.max(arc(p, q).map_or(f64::INFINITY, off) / fourth_power(step));
                 worst = worst.max(geodesic.error);
                 let o = steps.binary_search(&step).expect("it is within reach");
                 lengths[o * columns + j] = geodesic.length;
             }
             for (o, &step) in steps.iter().enumerate() {
-                let Some(q) = end(step).filter(|_| lengths[o * columns + j].is_nan()) else { continue };
+                let Some(q) = grid_end(cells, p, step).filter(|_| lengths[o * columns + j].is_nan()) else { continue };
                 let error = rate * fourth_power(step);
-                let arc = arc_length(p, &stations[q[0] * columns + q[1]]).filter(|_| error <= LENGTH);
-                let geodesic = match arc {
+                let good = if error <= LENGTH { arc(p, q) } else { None };
+                let geodesic = match good {
                     Some(length) => Geodesic { length, error },
-                    None => refined(q)?,
+                    None => refined(p, q)?,
                 };
                 worst = worst.max(geodesic.error);
                 lengths[o * columns + j] = geodesic.length;
