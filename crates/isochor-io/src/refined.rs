@@ -102,6 +102,8 @@ pub(crate) struct Refined<'a> {
     pieces: Vec<usize>,
     /// The first corner of each new face, and one behind the last (#faces + 1).
     corners: Vec<usize>,
+    /// Whether each old face stays as it is.
+    kept: Vec<bool>,
 }
 
 /// A face in place of an old one, or of a part of it.
@@ -168,7 +170,9 @@ impl<'a> Refined<'a> {
         for f in 1..pieces.len() {
             pieces[f] = pieces[f].max(pieces[f - 1]);
         }
-        Ok(Self { mesh, refinement, pieces, corners })
+        let mut refined = Self { mesh, refinement, pieces, corners, kept: Vec::new() };
+        refined.kept = mesh.faces().iter().enumerate().map(|(f, face)| refined.is_kept(f, face)).collect();
+        Ok(refined)
     }
 
     /// Number of vertices of the document.
@@ -195,15 +199,19 @@ impl<'a> Refined<'a> {
         })
     }
 
+    fn is_kept(&self, f: usize, face: &[u32]) -> bool {
+        let mut pieces = self.pieces(f);
+        pieces.len() == 1 && pieces.all(|piece| piece.is(face))
+    }
+
     /// Whether face `f` of the document stays as it is.
     pub(crate) fn keeps(&self, f: usize) -> bool {
-        let mut pieces = self.pieces(f);
-        pieces.len() == 1 && pieces.all(|piece| piece.is(self.mesh.faces().face(f)))
+        self.kept[f]
     }
 
     /// Whether all faces of the document stay as they are.
     pub(crate) fn keeps_all(&self) -> bool {
-        (0..self.mesh.faces().len()).all(|f| self.keeps(f))
+        self.kept.iter().all(|kept| *kept)
     }
 }
 

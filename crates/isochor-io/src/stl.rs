@@ -256,8 +256,8 @@ impl<'a> Facets<'a> {
 
     /// A facet of a text, behind the word `facet`.
     fn text_facet(&mut self) -> Result<Facet, ReadError> {
-        self.expect("normal")?;
         let start = self.at() - "facet".len();
+        self.expect("normal")?;
         // Slivers have normals such as nan or 1.#QNAN; what these spell does not matter.
         let normal = self.three_words()?;
         self.expect("outer")?;

@@ -214,6 +214,23 @@ mod tests {
     }
 
     #[test]
+    fn the_end_of_a_line_stands_behind_comments_and_joined_lines() {
+        let text = b"f 1 \\\n2 # c\r\nend";
+        let mut words = Words::obj(text);
+        assert_eq!((words.nth_in_line(2), words.nth_in_line(3), words.at()), (6..7, 0..0, 0));
+        assert_eq!(words.line_end(), 11);
+        words.end_line();
+        assert_eq!((words.at(), words.line(), words.line_end()), (13, 3, 16));
+    }
+
+    #[test]
+    fn the_first_line_break() {
+        for (text, found) in [("a\r\nb\n", "\r\n"), ("a\rb\n", "\r"), ("\n\r", "\n"), ("a", "\n"), ("a\r", "\r")] {
+            assert_eq!(line_break(text.as_bytes()), found.as_bytes(), "{text:?}");
+        }
+    }
+
+    #[test]
     fn words_across_lines() {
         let text = b"  a\n\n b\r\tc \n";
         let mut words = Words::plain(text, 0, 1);
