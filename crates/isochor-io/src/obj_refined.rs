@@ -5,6 +5,7 @@
 //! with indices from 1 on; they may name lines that stand behind them.
 
 use std::collections::HashMap;
+use std::io::Write;
 use std::ops::Range;
 
 use glam::DVec3;
@@ -43,7 +44,9 @@ pub(crate) struct Additions<'a> {
     /// The lines of each kind, each with a line break before it.
     lines: [Vec<u8>; 3],
     /// The corners of the pieces of all faces that were split, as text, piece after piece.
-    pieces: Vec<Vec<u8>>,
+    text: Vec<u8>,
+    /// Where the text of each piece begins, and one behind the last (#pieces + 1).
+    starts: Vec<usize>,
     /// Which kinds of added lines each piece names.
     names: Vec<[bool; 3]>,
     /// Face of the mesh, and piece, that come next in the text.
@@ -65,12 +68,12 @@ impl<'a> Additions<'a> {
         for (vertex, mix) in (refined.old_vertices()..).zip(refined.added()) {
             mixer.add_vertex(change.stored[vertex], &mix);
         }
-        let (mut pieces, mut names) = (Vec::new(), Vec::new());
+        let (mut text, mut starts, mut names) = (Vec::new(), vec![0], Vec::new());
         let mut first_corner = 0;
         for (f, face) in change.mesh.faces().iter().enumerate() {
             if !refined.keeps(f) {
                 for piece in refined.pieces(f) {
-                    let (mut text, mut named) = (Vec::new(), [false; 3]);
+                    let mut named = [false; 3];
                     for (vertex, mix) in piece.corners() {
                         let corner = mixer.corner(vertex, mix, first_corner);
                         for kind in 0..3 {
@@ -78,7 +81,7 @@ impl<'a> Additions<'a> {
                         }
                         push_corner(&mut text, corner);
                     }
-                    pieces.push(text);
+                    starts.push(text.len());
                     names.push(named);
                 }
             }
@@ -87,7 +90,7 @@ impl<'a> Additions<'a> {
         survey.check(mixer.added)?;
         let warnings = mixer.warnings();
         let (places, lines) = (survey.places, mixer.lines);
-        Ok(Self { bytes, refined, places, lines, pieces, names, next: (0, 0), early: 0, warnings })
+        Ok(Self { bytes, refined, places, lines, text, starts, names, next: (0, 0), early: 0, warnings })
     }
 
     /// Writes what was made of the face whose statement starts with `keyword`; `words` stands behind that.
@@ -108,15 +111,18 @@ impl<'a> Additions<'a> {
         self.next.1 = all.end;
         let is_early = |kind| self.names[all.clone()].iter().any(|named| named[kind]) && end < self.places[kind];
         self.early += usize::from((0..3).any(is_early));
-        let mut text = Vec::new();
-        for (k, piece) in self.pieces[all].iter().enumerate() {
-            if k > 0 {
-                text.extend_from_slice(line_break(self.bytes));
+        // The keyword stays before the first piece, and comes again before each other one.
+        let mut at = if all.is_empty() { keyword.start } else { keyword.end };
+        for piece in all.clone() {
+            if piece > first {
+                splice.replace(at..end, line_break(self.bytes));
+                splice.replace(end..end, &self.bytes[keyword.clone()]);
+                at = end;
             }
-            text.extend_from_slice(&self.bytes[keyword.clone()]);
-            text.extend_from_slice(piece);
+            splice.replace(at..end, &self.text[self.starts[piece]..self.starts[piece + 1]]);
+            at = end;
         }
-        splice.replace(keyword.start..end, &text);
+        splice.replace(at..end, &[]);
     }
 
     /// Adds the lines that belong to the end of the line at `at`.
@@ -144,13 +150,18 @@ impl<'a> Additions<'a> {
 
 /// Appends a corner `i`, `i/j`, `i//k` or `i/j/k`, of indices from 0.
 fn push_corner(text: &mut Vec<u8>, [vertex, texture, normal]: [Option<u64>; 3]) {
-    let index = |k: Option<u64>| k.map(|k| (k + 1).to_string()).unwrap_or_default();
-    let corner = match (texture, normal) {
-        (None, None) => format!(" {}", index(vertex)),
-        (_, None) => format!(" {}/{}", index(vertex), index(texture)),
-        _ => format!(" {}/{}/{}", index(vertex), index(texture), index(normal)),
+    let fields = match (texture, normal) {
+        (None, None) => &[vertex][..],
+        (_, None) => &[vertex, texture],
+        _ => &[vertex, texture, normal],
     };
-    text.extend_from_slice(corner.as_bytes());
+    for (index, before) in fields.iter().zip([b' ', b'/', b'/']) {
+        text.push(before);
+        if let Some(k) = index {
+            // Writing to a vector cannot fail.
+            let _ = write!(text, "{}", k + 1);
+        }
+    }
 }
 
 /// Where things stand that additions need.
