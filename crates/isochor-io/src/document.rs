@@ -3,9 +3,10 @@
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
-use isochor::{Mesh, Precision};
+use isochor::{Mesh, Precision, Refinement};
 
 use crate::number::{Storage, rounded, stored_points};
+use crate::refined::Refined;
 use crate::{Format, NumberType, ReadError, WriteError, obj, ply, stl};
 
 /// A model file that keeps everything it holds but positions and normals.
@@ -37,9 +38,10 @@ pub(crate) struct Parsed<L> {
 pub(crate) struct Change<'a> {
     /// The mesh that was read.
     pub(crate) mesh: &'a Mesh,
-    /// New positions, #vertices, as the file can hold them. Where one equals the old one, its bytes stay.
+    /// New positions, #vertices, as the file can hold them, and those of added vertices behind. Where one equals the old one, its bytes
+    /// stay.
     pub(crate) stored: &'a [DVec3],
-    /// Jacobians, #vertices, that carry the normals.
+    /// Jacobians, for each position one, that carry the normals.
     pub(crate) jacobians: Option<&'a [DMat3]>,
     pub(crate) precision: Precision,
 }
@@ -51,6 +53,7 @@ pub struct WriteOptions<'a> {
     pub precision: Precision,
     /// ∂(deformed)/∂(rest) at each vertex, #vertices. Vertex normals are carried by them: direction cof(J) n, length
     /// as before. Without them vertex normals stay as they are. Facet normals of STL files do not need them.
+    /// [`Document::refined`] takes those of added vertices behind.
     pub jacobians: Option<&'a [DMat3]>,
 }
 
@@ -138,7 +141,7 @@ impl Document {
             Format::Ply => ply::new_file(&points, mesh.faces(), number),
             Format::Stl => stl::new_file(&points, mesh.faces())?,
         };
-        Self::parse_any(bytes, format).map_err(|error| WriteError::from_read(&error))
+        Ok(Self::parse_any(bytes, format)?)
     }
 
     /// The mesh in the file. Vertices keep the order of the file, faces too.
@@ -220,7 +223,54 @@ impl Document {
     /// Not one point or Jacobian for each vertex; a number that is not finite; a coordinate beyond the 32-bit floats of
     /// the file; a changed coordinate that the file holds as an integer; [`Precision::F64`] for STL.
     pub fn with_points(&self, points: &[DVec3], options: &WriteOptions) -> Result<Written, WriteError> {
-        let vertices = self.mesh.points().len();
+        self.written(points, None, options)
+    }
+
+    /// The file with the faces of `refinement` in place of its faces and with `points`, those of added vertices behind those of
+    /// [`Document::mesh`], in place of its points. Jacobians, too, are those of all vertices.
+    ///
+    /// Old vertices are written as by [`Document::with_points`] and keep their indices. Faces stand where the old ones stood, so groups,
+    /// materials, objects and comments keep their meaning; faces that stay as they were keep their bytes. What vertices, corners and faces
+    /// carry goes on to added ones:
+    ///
+    /// - Colours, texture coordinates and other floats are mixed. Normals are mixed as directions, carried by the Jacobian of their vertex, and
+    ///   of length 1.
+    /// - OBJ: corners that are one old corner keep its texture coordinate and normal; mixed ones that come out bit-equal share a line. New lines
+    ///   stand behind the last old line of their kind and behind all statements that count back. A corner is without what one of its old
+    ///   corners is without.
+    /// - PLY, vertices: integers that are colours (red, green, blue, alpha, gray, intensity, and such) are mixed and rounded to the nearest;
+    ///   other integers, which may be labels, and lists are those of the old vertex of most weight, of equal ones the first.
+    /// - PLY, faces: lists of floats with two numbers for each corner, and lists named `texcoord`, `uv` or `color` with any number, are mixed for
+    ///   each corner. All else is that of the old face.
+    /// - STL: facets have three corners, so larger faces are fanned. Attributes are those of the old facet, normals are computed (0 0 0 stays).
+    ///   Reading the file numbers its vertices anew.
+    ///
+    /// Statements and elements that name vertices beside the faces (lines, edges, curves) stay as they are. `warnings` say what could not be
+    /// carried on.
+    ///
+    /// # Errors
+    ///
+    /// As [`Document::with_points`]; a refinement of another mesh, or with weights that are no mix; triangle strips that are to be split; lists
+    /// of a PLY file whose types are too small; an OBJ file that names vertices, texture coordinates or normals that it has not, where
+    /// added ones would take their place; more facets than an STL file can count.
+    pub fn refined(
+        &self,
+        points: &[DVec3],
+        refinement: &Refinement,
+        options: &WriteOptions,
+    ) -> Result<Written, WriteError> {
+        let refined = Refined::new(&self.mesh, refinement)?;
+        self.written(points, Some(&refined), options)
+    }
+
+    /// The file with other points, and other faces where there are any.
+    fn written(
+        &self,
+        points: &[DVec3],
+        refined: Option<&Refined>,
+        options: &WriteOptions,
+    ) -> Result<Written, WriteError> {
+        let vertices = self.mesh.points().len() + refined.map_or(0, |refined| refined.added().len());
         if points.len() != vertices {
             return Err(WriteError::PointCount { points: points.len(), vertices });
         }
@@ -238,12 +288,14 @@ impl Document {
         let stored = stored_points(&self.mesh, points, &self.storage(options.precision))?;
         let change =
             Change { mesh: &self.mesh, stored: &stored, jacobians: options.jacobians, precision: options.precision };
-        let (bytes, warnings) = match &self.layout {
-            Layout::Obj(layout) => layout.patched(&self.bytes, &change),
-            Layout::Ply(layout) => layout.patched(&self.bytes, &change),
-            Layout::Stl(layout) => layout.patched(&self.bytes, &change),
-        }
-        .map_err(|error| WriteError::from_read(&error))?;
+        let refined = refined.filter(|refined| refined.added().len() > 0 || !refined.keeps_all());
+        let (bytes, warnings) = match (&self.layout, refined) {
+            (Layout::Obj(layout), _) => layout.patched(&self.bytes, &change, refined)?,
+            (Layout::Ply(layout), None) => layout.patched(&self.bytes, &change)?,
+            (Layout::Ply(layout), Some(refined)) => layout.refined(&self.bytes, &change, refined)?,
+            (Layout::Stl(layout), None) => layout.patched(&self.bytes, &change)?,
+            (Layout::Stl(layout), Some(refined)) => layout.refined(&self.bytes, &change, refined)?,
+        };
         Ok(Written { bytes, points: stored, warnings })
     }
 

@@ -6,6 +6,8 @@
 
 use glam::{DMat3, DVec3};
 
+use crate::mix::Mix;
+
 /// Direction (length 1) of the normal `normal` after a deformation with Jacobian `jacobian`. `None` where it has none.
 pub(crate) fn carried_direction(normal: DVec3, jacobian: &DMat3) -> Option<DVec3> {
     let size = jacobian.to_cols_array().iter().fold(0.0_f64, |m, x| m.max(x.abs()));
@@ -21,6 +23,18 @@ pub(crate) fn carried_direction(normal: DVec3, jacobian: &DMat3) -> Option<DVec3
 pub(crate) fn direction(v: DVec3) -> Option<DVec3> {
     let size = v.abs().max_element();
     (size > 0.0 && v.is_finite()).then(|| (v / size).normalize())
+}
+
+/// Direction of the normals `normal` (any lengths) mixed, carried where there is a Jacobian. `None` where there is none.
+pub(crate) fn mixed_direction(mix: &Mix, normal: impl Fn(u32) -> DVec3, jacobian: Option<&DMat3>) -> Option<DVec3> {
+    let mut sum = DVec3::ZERO;
+    for &(k, weight) in mix.parts() {
+        sum += direction(normal(k))? * weight;
+    }
+    match jacobian {
+        Some(jacobian) => carried_direction(sum, jacobian),
+        None => direction(sum),
+    }
 }
 
 #[cfg(test)]

@@ -106,29 +106,33 @@ pub(crate) struct Storage {
     pub(crate) text: bool,
 }
 
-/// What a file will hold once `points` (#vertices) were written over the points of `mesh`.
+/// What a file will hold once `points` (#vertices, and added ones behind) were written over the points of `mesh`.
 ///
 /// A coordinate that rounds to the number that is there keeps it.
 pub(crate) fn stored_points(mesh: &Mesh, points: &[DVec3], storage: &Storage) -> Result<Vec<DVec3>, WriteError> {
     let mut digits = Vec::new();
     let mut all = Vec::with_capacity(points.len());
-    for (vertex, (old, new)) in mesh.points().iter().zip(points).enumerate() {
-        let mut stored = *old;
+    for (vertex, new) in points.iter().enumerate() {
+        let old = mesh.points().get(vertex);
+        let mut stored = *new;
         for axis in 0..3 {
-            if new[axis] == old[axis] {
+            let number = storage.numbers[axis];
+            if let Some(old) = old.filter(|old| old[axis] == new[axis]) {
+                // The sign of 0 may differ.
+                stored[axis] = old[axis];
                 continue;
             }
-            let number = storage.numbers[axis];
             let value = rounded(new[axis], number, vertex, axis)?;
-            stored[axis] = if number == NumberType::F32 && value as f32 == old[axis] as f32 {
-                old[axis]
-            } else if number == NumberType::F32 && storage.text {
-                digits.clear();
-                push_shortest(&mut digits, value, number);
-                any(&digits).unwrap_or(value)
-            } else {
-                value
-            };
+            stored[axis] =
+                if let Some(old) = old.filter(|old| number == NumberType::F32 && value as f32 == old[axis] as f32) {
+                    old[axis]
+                } else if number == NumberType::F32 && storage.text {
+                    digits.clear();
+                    push_shortest(&mut digits, value, number);
+                    any(&digits).unwrap_or(value)
+                } else {
+                    value
+                };
         }
         all.push(stored);
     }

@@ -11,12 +11,14 @@ use isochor::{Faces, Mesh};
 use crate::document::{Change, Parsed};
 use crate::normal::{carried_direction, direction};
 use crate::number::{finite, integer, push_shortest, quoted};
+use crate::obj_refined::Additions;
+use crate::refined::Refined;
 use crate::splice::Splice;
 use crate::words::Words;
-use crate::{NumberType, Place, ReadError};
+use crate::{NumberType, Place, ReadError, WriteError};
 
 /// Marks a corner without a normal.
-const NO_NORMAL: u32 = u32::MAX;
+pub(crate) const NO_NORMAL: u32 = u32::MAX;
 
 /// Marks a corner whose normal does not exist; beyond any number of normals.
 const MISSING_NORMAL: u32 = u32::MAX - 1;
@@ -74,9 +76,11 @@ const STATEMENTS: &[&[u8]] = &[
 pub(crate) struct Layout {
     faces_in_file: usize,
     /// Index of the normal at each corner of the mesh; empty where no corner has one.
-    corner_normals: Vec<u32>,
+    pub(crate) corner_normals: Vec<u32>,
+    /// Number of `vt` lines.
+    pub(crate) textures: usize,
     /// Number of `vn` lines.
-    normals: usize,
+    pub(crate) normals: usize,
 }
 
 pub(crate) fn parse(bytes: &[u8]) -> Result<Parsed<Layout>, ReadError> {
@@ -100,7 +104,7 @@ fn refuse_binary(bytes: &[u8]) -> Result<(), ReadError> {
 }
 
 /// The words of `bytes`, without a UTF-8 byte order mark.
-fn words(bytes: &[u8]) -> Words<'_> {
+pub(crate) fn words(bytes: &[u8]) -> Words<'_> {
     let mut words = Words::obj(bytes);
     if bytes.starts_with(b"\xef\xbb\xbf") {
         words.skip(3);
@@ -115,6 +119,7 @@ struct Reader<'a> {
     points: Vec<DVec3>,
     faces: Faces,
     corner_normals: Vec<u32>,
+    textures: usize,
     normals: usize,
     faces_in_file: usize,
     /// Largest vertex index that was named (from 0), and its line.
@@ -145,6 +150,7 @@ impl<'a> Reader<'a> {
             points: Vec::new(),
             faces: Faces::new(),
             corner_normals: Vec::new(),
+            textures: 0,
             normals: 0,
             faces_in_file: 0,
             largest: None,
@@ -162,7 +168,7 @@ impl<'a> Reader<'a> {
                 b"v" => self.read_vertex()?,
                 b"f" | b"fo" => self.read_face()?,
                 b"vn" => self.normals += 1,
-                b"vt" => {}
+                b"vt" => self.textures += 1,
                 other => {
                     if self.unknown.is_none() && !STATEMENTS.contains(&other) {
                         self.unknown = Some((keyword, self.words.line()));
@@ -306,6 +312,7 @@ impl<'a> Reader<'a> {
             layout: Layout {
                 faces_in_file: self.faces_in_file,
                 corner_normals: self.corner_normals,
+                textures: self.textures,
                 normals: self.normals,
             },
             warnings: warnings.into_iter().flatten().collect(),
@@ -314,7 +321,7 @@ impl<'a> Reader<'a> {
 }
 
 /// Index from 0 of what `index` names, where `before` of its kind were read. `None` for 0 and before the first.
-fn resolved(index: i64, before: usize) -> Option<u64> {
+pub(crate) fn resolved(index: i64, before: usize) -> Option<u64> {
     match index {
         1.. => Some(index as u64 - 1),
         0 => None,
@@ -354,8 +361,14 @@ impl Layout {
         !self.corner_normals.is_empty()
     }
 
-    /// A copy of `bytes` with the change in it, and warnings.
-    pub(crate) fn patched(&self, bytes: &[u8], change: &Change) -> Result<(Vec<u8>, Vec<String>), ReadError> {
+    /// A copy of `bytes` with the change in it, and other faces where there are any, and warnings.
+    pub(crate) fn patched(
+        &self,
+        bytes: &[u8],
+        change: &Change,
+        refined: Option<&Refined>,
+    ) -> Result<(Vec<u8>, Vec<String>), WriteError> {
+        let mut additions = refined.map(|refined| Additions::new(self, bytes, change, refined)).transpose()?;
         let jacobians = change.jacobians.filter(|_| self.has_normals());
         let mut carrier = jacobians.map(|jacobians| NormalCarrier::new(self, change.mesh, jacobians));
         let mut splice = Splice::new(bytes);
@@ -363,7 +376,8 @@ impl Layout {
         let mut points = change.mesh.points().iter().zip(change.stored);
         let mut normal = 0;
         while !words.is_done() {
-            match words.next_in_line().map(|word| &bytes[word]) {
+            let keyword = words.next_in_line();
+            match keyword.clone().map(|word| &bytes[word]) {
                 Some(b"v") => {
                     if let Some((old, new)) = points.next().filter(|(old, new)| old != new) {
                         let spans = std::array::from_fn(|_| words.next_in_line());
@@ -379,11 +393,20 @@ impl Layout {
                     }
                     normal += 1;
                 }
+                Some(b"f" | b"fo") => {
+                    if let (Some(additions), Some(keyword)) = (&mut additions, keyword) {
+                        additions.replace_face(&mut splice, keyword, &mut words);
+                    }
+                }
                 _ => {}
+            }
+            if let Some(additions) = &additions {
+                additions.add_lines(&mut splice, words.line_end());
             }
             words.end_line();
         }
-        Ok((splice.finish(), carrier.map(NormalCarrier::warnings).unwrap_or_default()))
+        let warnings = carrier.map(NormalCarrier::warnings).into_iter().chain(additions.map(Additions::warnings));
+        Ok((splice.finish(), warnings.flatten().collect()))
     }
 }
 

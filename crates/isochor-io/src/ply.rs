@@ -23,9 +23,9 @@ use crate::{NumberType, Place, ReadError};
 #[derive(Clone, Debug)]
 pub(crate) struct Layout {
     encoding: Encoding,
-    vertex: Element,
+    pub(crate) vertex: Element,
     /// What each property of a vertex is for.
-    roles: Vec<Role>,
+    pub(crate) roles: Vec<Role>,
     /// Types of x, y and z.
     scalars: [Scalar; 3],
     has_normals: bool,
@@ -36,7 +36,7 @@ pub(crate) struct Layout {
 
 /// What a property of a vertex is for.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-enum Role {
+pub(crate) enum Role {
     /// x, y or z: 0, 1 or 2.
     Coordinate(usize),
     /// nx, ny or nz: 0, 1 or 2.
@@ -137,7 +137,7 @@ fn roles(vertex: &Element) -> (Vec<Role>, bool) {
 }
 
 /// The element that holds the polygons and which of its properties lists them: faces, or strips where there are none.
-fn polygons(header: &Header) -> Result<Option<(&Element, usize)>, ReadError> {
+pub(crate) fn polygons(header: &Header) -> Result<Option<(&Element, usize)>, ReadError> {
     let rows_of = |name: &[u8]| header.elements.iter().find(|e| e.name == name && e.rows > 0);
     let Some(element) = rows_of(b"face").or_else(|| rows_of(b"tristrips")) else { return Ok(None) };
     let list = element.property("vertex_indices").or_else(|| element.property("vertex_index"));
@@ -310,16 +310,30 @@ impl Layout {
             }
         }
         let mut splice = Splice::new(bytes);
-        if change.precision == Precision::F64 {
-            self.widen_header(bytes, &mut splice);
+        for (word, name) in self.widened(bytes, change.precision) {
+            splice.replace(word, name);
         }
         let mut body = Body::new(bytes, self.encoding, self.rows);
+        self.patch_rows(&mut body, change, &mut splice, |_| {})?;
+        Ok((splice.finish(), Vec::new()))
+    }
+
+    /// Puts the change into the rows of the vertices, which `body` walks over; `each` hears where a row starts.
+    pub(crate) fn patch_rows(
+        &self,
+        body: &mut Body,
+        change: &Change,
+        splice: &mut Splice,
+        mut each: impl FnMut(usize),
+    ) -> Result<(), ReadError> {
         let mut entries = Vec::with_capacity(6);
         let mut encoded = Vec::with_capacity(32);
-        for vertex in 0..change.stored.len() {
-            self.read_entries(&mut body, &mut entries)?;
+        for vertex in 0..change.mesh.points().len() {
+            body.begin_row(&self.vertex)?;
+            each(body.position().0);
+            self.read_entries(body, &mut entries)?;
             let normals = change.jacobians.filter(|_| self.has_normals);
-            let normal = normals.and_then(|jacobians| carried_normal(&body, &entries, &jacobians[vertex]));
+            let normal = normals.and_then(|jacobians| carried_normal(body, &entries, &jacobians[vertex]));
             let (old, new) = (change.mesh.points()[vertex], change.stored[vertex]);
             for Entry { span, role, scalar } in entries.drain(..) {
                 encoded.clear();
@@ -342,23 +356,27 @@ impl Layout {
                 splice.replace(span, &encoded);
             }
         }
-        Ok((splice.finish(), Vec::new()))
+        Ok(())
     }
 
-    /// Makes x, y and z `double` in the header, or `float64` where types are spelled with their width.
-    fn widen_header(&self, bytes: &[u8], splice: &mut Splice) {
-        for (property, role) in self.vertex.properties.iter().zip(&self.roles) {
-            if matches!(role, Role::Coordinate(_)) && property.kind != Kind::Number(Scalar::F64) {
-                let word = property.type_word.clone();
-                let with_width = bytes[word.clone()].last().is_some_and(u8::is_ascii_digit);
-                splice.replace(word, if with_width { b"float64" } else { b"double" });
-            }
-        }
+    /// Words of the header and what is to stand in their place, so that x, y and z have the precision: `double`, or `float64` where types
+    /// are spelled with their width.
+    pub(crate) fn widened(&self, bytes: &[u8], precision: Precision) -> Vec<(Range<usize>, &'static [u8])> {
+        let is_narrow = |(property, role): &(&Property, &Role)| {
+            matches!(role, Role::Coordinate(_)) && property.kind != Kind::Number(Scalar::F64)
+        };
+        let all = self.vertex.properties.iter().zip(&self.roles);
+        let narrow = all.filter(|pair| precision == Precision::F64 && is_narrow(pair));
+        let widened = narrow.map(|(property, _)| {
+            let word = property.type_word.clone();
+            let with_width = bytes[word.clone()].last().is_some_and(u8::is_ascii_digit);
+            (word, if with_width { &b"float64"[..] } else { b"double" })
+        });
+        widened.collect()
     }
 
-    /// The coordinates and normals of the next row, in the order of the file.
+    /// The coordinates and normals of the row, in the order of the file.
     fn read_entries(&self, body: &mut Body, entries: &mut Vec<Entry>) -> Result<(), ReadError> {
-        body.begin_row(&self.vertex)?;
         for (property, &role) in self.vertex.properties.iter().zip(&self.roles) {
             match (property.kind, role) {
                 (Kind::Number(scalar), Role::Coordinate(_) | Role::Normal(_)) => {

@@ -215,6 +215,52 @@ impl<'a> Body<'a> {
         }
     }
 
+    /// Span of the next property, and of all that belongs to it where it is a list.
+    pub(crate) fn property(&mut self, kind: Kind) -> Result<Range<usize>, ReadError> {
+        if let Kind::Number(scalar) = kind {
+            return self.span(scalar);
+        }
+        let start = match &self.walk {
+            Walk::Text(words) => words.nth_in_line(0).start,
+            Walk::Binary { at, .. } => *at,
+        };
+        self.skip(kind)?;
+        Ok(start..self.position().0)
+    }
+
+    /// Spans of the items of the list at `span`, in place of what `items` held.
+    pub(crate) fn items(
+        &self,
+        span: Range<usize>,
+        count: Scalar,
+        item: Scalar,
+        items: &mut Vec<Range<usize>>,
+    ) -> Result<(), ReadError> {
+        items.clear();
+        let mut walk = self.again(span.start);
+        for _ in 0..walk.list_len(count, item)? {
+            items.push(walk.span(item)?);
+        }
+        Ok(())
+    }
+
+    /// Another walk, from `at` on. It does not know its line.
+    pub(crate) fn again(&self, at: usize) -> Self {
+        let walk = match self.walk {
+            Walk::Text(_) => Walk::Text(Words::plain(self.bytes, at, 1)),
+            Walk::Binary { big, .. } => Walk::Binary { at, big },
+        };
+        Self { bytes: self.bytes, walk, surplus: None }
+    }
+
+    /// Steps to the end of a row, before the line break where it is text, and says where that is.
+    pub(crate) fn row_end(&mut self) -> usize {
+        match &mut self.walk {
+            Walk::Text(words) => words.line_end(),
+            Walk::Binary { at, .. } => *at,
+        }
+    }
+
     /// The next list, of integers, in place of what `items` held.
     #[inline]
     pub(crate) fn list(&mut self, count: Scalar, item: Scalar, items: &mut Vec<i64>) -> Result<(), ReadError> {
@@ -305,14 +351,25 @@ impl<'a> Body<'a> {
         Ok(warnings)
     }
 
-    /// Appends `x` as a number of type `scalar`, which is a float, to `out` in the encoding of the body.
+    /// Appends `x` as a number of type `scalar` to `out` in the encoding of the body. For an integer type it is one in its range.
     pub(crate) fn encode(&self, x: f64, scalar: Scalar, out: &mut Vec<u8>) {
-        match (&self.walk, scalar) {
-            (Walk::Text(_), _) => push_shortest(out, x, scalar.number_type()),
-            (Walk::Binary { big: false, .. }, Scalar::F32) => out.extend_from_slice(&(x as f32).to_le_bytes()),
-            (Walk::Binary { big: true, .. }, Scalar::F32) => out.extend_from_slice(&(x as f32).to_be_bytes()),
-            (Walk::Binary { big: false, .. }, _) => out.extend_from_slice(&x.to_le_bytes()),
-            (Walk::Binary { big: true, .. }, _) => out.extend_from_slice(&x.to_be_bytes()),
+        let Walk::Binary { big, .. } = self.walk else {
+            push_shortest(out, x, scalar.number_type());
+            return;
+        };
+        let start = out.len();
+        match scalar {
+            Scalar::I8 => out.extend_from_slice(&(x as i8).to_le_bytes()),
+            Scalar::U8 => out.push(x as u8),
+            Scalar::I16 => out.extend_from_slice(&(x as i16).to_le_bytes()),
+            Scalar::U16 => out.extend_from_slice(&(x as u16).to_le_bytes()),
+            Scalar::I32 => out.extend_from_slice(&(x as i32).to_le_bytes()),
+            Scalar::U32 => out.extend_from_slice(&(x as u32).to_le_bytes()),
+            Scalar::F32 => out.extend_from_slice(&(x as f32).to_le_bytes()),
+            Scalar::F64 => out.extend_from_slice(&x.to_le_bytes()),
+        }
+        if big {
+            out[start..].reverse();
         }
     }
 

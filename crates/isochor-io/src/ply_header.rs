@@ -52,6 +52,19 @@ impl Scalar {
         }
     }
 
+    /// The largest number of an integer type; infinite for floats.
+    pub(crate) fn largest(self) -> f64 {
+        match self {
+            Self::I8 => f64::from(i8::MAX),
+            Self::U8 => f64::from(u8::MAX),
+            Self::I16 => f64::from(i16::MAX),
+            Self::U16 => f64::from(u16::MAX),
+            Self::I32 => f64::from(i32::MAX),
+            Self::U32 => f64::from(u32::MAX),
+            Self::F32 | Self::F64 => f64::INFINITY,
+        }
+    }
+
     pub(crate) fn number_type(self) -> NumberType {
         match self {
             Self::F32 => NumberType::F32,
@@ -73,7 +86,7 @@ pub(crate) enum Kind {
 pub(crate) struct Property {
     pub(crate) name: Vec<u8>,
     pub(crate) kind: Kind,
-    /// Where the word for the type of a number stands.
+    /// Where the word for the type of a number stands; for lists the word `list`.
     pub(crate) type_word: Range<usize>,
 }
 
@@ -91,6 +104,8 @@ pub(crate) struct Element {
     pub(crate) name: Vec<u8>,
     /// Number of rows announced.
     pub(crate) rows: u64,
+    /// Where that number stands.
+    pub(crate) rows_word: Range<usize>,
     pub(crate) properties: Vec<Property>,
     /// Line of the header that announces it.
     pub(crate) line: usize,
@@ -148,10 +163,11 @@ pub(crate) fn parse(bytes: &[u8]) -> Result<Header, ReadError> {
                 if elements.iter().any(|e| e.name == *name) {
                     return Err(twice("element", name).at_line(line));
                 }
-                elements.push(Element { name: name.to_vec(), rows, properties: Vec::new(), line });
+                let rows_word = start.nth_in_line(2);
+                elements.push(Element { name: name.to_vec(), rows, rows_word, properties: Vec::new(), line });
             }
             [b"property", ..] => {
-                let property = property(&columns, start).map_err(|e| e.at_line(line))?;
+                let property = property(&columns, start.nth_in_line(1)).map_err(|e| e.at_line(line))?;
                 let Some(element) = elements.last_mut() else {
                     let error = ReadError::new("a property before any element");
                     return Err(error.with_hint("put 'element' lines before their properties").at_line(line));
@@ -222,10 +238,8 @@ fn rows(count: &[u8]) -> Result<u64, ReadError> {
     })
 }
 
-/// The property of the header line `columns`, which starts at `words`.
-fn property(columns: &[&[u8]], mut words: Words) -> Result<Property, ReadError> {
-    words.next_in_line();
-    let type_word = words.next_in_line().unwrap_or_default();
+/// The property of the header line `columns`, whose second word stands at `type_word`.
+fn property(columns: &[&[u8]], type_word: Range<usize>) -> Result<Property, ReadError> {
     match columns {
         [_, b"list", count, item, name] => {
             let count_type = scalar(count)?;

@@ -14,6 +14,11 @@ impl<'a> Splice<'a> {
         Self { source, copied: 0, out: Vec::with_capacity(source.len()) }
     }
 
+    /// A copy of the bytes at `span` only; places count in the whole `source`.
+    pub(crate) fn of_part(source: &'a [u8], span: Range<usize>) -> Self {
+        Self { copied: span.start, out: Vec::with_capacity(span.len()), source: &source[..span.end] }
+    }
+
     /// Writes `bytes` in place of `span`, which lies behind all spans replaced before.
     pub(crate) fn replace(&mut self, span: Range<usize>, bytes: &[u8]) {
         debug_assert!(self.copied <= span.start && span.start <= span.end);
@@ -40,5 +45,8 @@ mod tests {
         splice.replace(4..4, b"and ");
         splice.replace(8..13, b"thirty-three");
         assert_eq!(splice.finish(), b"1 and two thirty-three");
+        let mut part = Splice::of_part(b"one two three", 4..7);
+        part.replace(5..6, b"WW");
+        assert_eq!(part.finish(), b"tWWo");
     }
 }

@@ -11,9 +11,10 @@ use isochor::{Faces, Mesh, fan};
 use crate::document::{Change, Parsed};
 use crate::normal::direction;
 use crate::number::{any, finite, push_shortest, quoted};
+use crate::refined::Refined;
 use crate::splice::Splice;
 use crate::weld::Weld;
-use crate::words::{Words, line_of};
+use crate::words::{Words, line_break, line_of};
 use crate::{NumberType, Place, ReadError, WriteError};
 
 /// Bytes before the count of facets of a binary file.
@@ -30,8 +31,9 @@ pub(crate) struct Layout {
     facets: usize,
 }
 
-/// Where the numbers of one facet stand.
+/// Where one facet stands, from `facet` to `endfacet` where it is text, and its numbers.
 struct Facet {
+    all: Range<usize>,
     normal: [Range<usize>; 3],
     corners: [[Range<usize>; 3]; 3],
 }
@@ -186,6 +188,14 @@ impl<'a> Facets<'a> {
         Self { bytes, walk: Walk::Binary { at: HEAD, ahead: layout.facets }, solid_is_open: false }
     }
 
+    /// Where the walk is.
+    fn at(&self) -> usize {
+        match &self.walk {
+            Walk::Text(words) => words.at(),
+            Walk::Binary { at, .. } => *at,
+        }
+    }
+
     /// Where the walk is, for a message.
     fn place(&self) -> Place {
         match &self.walk {
@@ -205,7 +215,8 @@ impl<'a> Facets<'a> {
                         start..start + 4
                     })
                 };
-                let facet = Facet { normal: vector(0), corners: [vector(1), vector(2), vector(3)] };
+                let all = *at..*at + FACET;
+                let facet = Facet { all, normal: vector(0), corners: [vector(1), vector(2), vector(3)] };
                 *at += FACET;
                 *ahead -= 1;
                 Ok(Some(facet))
@@ -245,6 +256,7 @@ impl<'a> Facets<'a> {
 
     /// A facet of a text, behind the word `facet`.
     fn text_facet(&mut self) -> Result<Facet, ReadError> {
+        let start = self.at() - "facet".len();
         self.expect("normal")?;
         // Slivers have normals such as nan or 1.#QNAN; what these spell does not matter.
         let normal = self.three_words()?;
@@ -257,7 +269,7 @@ impl<'a> Facets<'a> {
         }
         self.expect("endloop")?;
         self.expect("endfacet")?;
-        Ok(Facet { normal, corners })
+        Ok(Facet { all: start..self.at(), normal, corners })
     }
 
     fn word(&mut self) -> Result<Range<usize>, ReadError> {
@@ -316,6 +328,32 @@ impl<'a> Facets<'a> {
         }
     }
 
+    /// Appends a facet to `out` that is spelled as `facet`, with other corners and their normal. A normal of 0 stays.
+    fn push_facet(&self, facet: &Facet, corners: [DVec3; 3], out: &mut Vec<u8>) {
+        let mut splice = Splice::of_part(self.bytes, facet.all.clone());
+        let mut digits = Vec::with_capacity(32);
+        let normal = facet_normal(corners);
+        if facet.normal.iter().any(|span| self.float(span.clone()) != 0.0) {
+            for (axis, span) in facet.normal.iter().enumerate() {
+                digits.clear();
+                self.encode(normal[axis], &mut digits);
+                splice.replace(span.clone(), &digits);
+            }
+        }
+        for (spans, corner) in facet.corners.iter().zip(corners) {
+            for (axis, span) in spans.iter().enumerate() {
+                digits.clear();
+                match &self.walk {
+                    // An old corner may have more digits than 32 bits need; it must stay one with that of its neighbours.
+                    Walk::Text(_) => push_shortest(&mut digits, corner[axis], NumberType::F64),
+                    Walk::Binary { .. } => self.encode(corner[axis], &mut digits),
+                }
+                splice.replace(span.clone(), &digits);
+            }
+        }
+        out.extend_from_slice(&splice.finish());
+    }
+
     /// Appends `x` to `out` as the file writes numbers.
     fn encode(&self, x: f64, out: &mut Vec<u8>) {
         match &self.walk {
@@ -343,25 +381,67 @@ impl Layout {
         let mut corners = change.mesh.faces().iter();
         while let (Some(facet), Some(corners)) = (facets.next()?, corners.next()) {
             let at = [corners[0] as usize, corners[1] as usize, corners[2] as usize];
-            if at.iter().all(|&v| old[v] == new[v]) {
-                continue;
-            }
-            let normal = DVec3::from_array(facet.normal.clone().map(|span| facets.float(span)));
-            if normal != DVec3::ZERO {
-                replace_changed(
-                    &mut splice,
-                    &facets,
-                    facet.normal,
-                    normal,
-                    facet_normal(at.map(|v| new[v])),
-                    &mut encoded,
-                );
-            }
-            for (spans, v) in facet.corners.into_iter().zip(at) {
-                replace_changed(&mut splice, &facets, spans, old[v], new[v], &mut encoded);
+            if at.iter().any(|&v| old[v] != new[v]) {
+                move_facet(&mut splice, &facets, facet, at.map(|v| (old[v], new[v])), &mut encoded);
             }
         }
         Ok((splice.finish(), Vec::new()))
+    }
+
+    /// A copy of `bytes` with the change and other facets in it, and warnings.
+    pub(crate) fn refined(
+        &self,
+        bytes: &[u8],
+        change: &Change,
+        refined: &Refined,
+    ) -> Result<(Vec<u8>, Vec<String>), WriteError> {
+        let (old, new) = (change.mesh.points(), change.stored);
+        let mut splice = Splice::new(bytes);
+        if !self.text {
+            let triangles =
+                (0..self.facets).flat_map(|f| refined.pieces(f)).map(|piece| piece.vertices.len() - 2).sum();
+            splice.replace(TITLE..HEAD, &facet_count(triangles)?);
+        }
+        let mut facets = Facets::again(bytes, self);
+        let mut encoded = Vec::with_capacity(32);
+        for (f, corners) in change.mesh.faces().iter().enumerate() {
+            let Some(facet) = facets.next()? else { break };
+            if refined.keeps(f) {
+                let at = [corners[0] as usize, corners[1] as usize, corners[2] as usize];
+                if at.iter().any(|&v| old[v] != new[v]) {
+                    move_facet(&mut splice, &facets, facet, at.map(|v| (old[v], new[v])), &mut encoded);
+                }
+                continue;
+            }
+            let mut parts = Vec::new();
+            for triangle in refined.pieces(f).flat_map(|piece| fan(piece.vertices)) {
+                if self.text && !parts.is_empty() {
+                    parts.extend_from_slice(line_start(bytes, facet.all.start));
+                }
+                facets.push_facet(&facet, triangle.map(|v| new[v as usize]), &mut parts);
+            }
+            splice.replace(facet.all, &parts);
+        }
+        Ok((splice.finish(), Vec::new()))
+    }
+}
+
+/// The line break and blanks before the word at `at`, or a line break where another word stands before it.
+fn line_start(bytes: &[u8], at: usize) -> &[u8] {
+    let blanks = bytes[..at].iter().rev().take_while(|b| matches!(b, b' ' | b'\t')).count();
+    let line_break = line_break(bytes);
+    let start = (at - blanks).saturating_sub(line_break.len());
+    if bytes[start..at].starts_with(line_break) { &bytes[start..at] } else { line_break }
+}
+
+/// Moves the corners of a facet from the first to the second of their places, and turns its normal.
+fn move_facet(splice: &mut Splice, facets: &Facets, facet: Facet, corners: [(DVec3, DVec3); 3], encoded: &mut Vec<u8>) {
+    let normal = DVec3::from_array(facet.normal.clone().map(|span| facets.float(span)));
+    if normal != DVec3::ZERO {
+        replace_changed(splice, facets, facet.normal, normal, facet_normal(corners.map(|c| c.1)), encoded);
+    }
+    for (spans, (old, new)) in facet.corners.into_iter().zip(corners) {
+        replace_changed(splice, facets, spans, old, new, encoded);
     }
 }
 
@@ -390,16 +470,19 @@ fn facet_normal([a, b, c]: [DVec3; 3]) -> DVec3 {
     if size > 0.0 { direction((p / size).cross(q / size)).unwrap_or_default() } else { DVec3::ZERO }
 }
 
+/// So many triangles as a binary file counts them.
+fn facet_count(triangles: usize) -> Result<[u8; 4], WriteError> {
+    let limit = u64::from(u32::MAX);
+    let error = WriteError::TooMany { count: triangles, things: "triangles", limit, format: "STL" };
+    u32::try_from(triangles).map(u32::to_le_bytes).map_err(|_| error)
+}
+
 /// A plain binary STL file.
 pub(crate) fn new_file(points: &[DVec3], faces: &Faces) -> Result<Vec<u8>, WriteError> {
     let triangles: usize = faces.iter().map(|face| face.len() - 2).sum();
-    let Ok(count) = u32::try_from(triangles) else {
-        let limit = u64::from(u32::MAX);
-        return Err(WriteError::TooMany { count: triangles, things: "triangles", limit, format: "STL" });
-    };
     let mut bytes = Vec::with_capacity(HEAD + FACET * triangles);
     bytes.resize(TITLE, b' ');
-    bytes.extend_from_slice(&count.to_le_bytes());
+    bytes.extend_from_slice(&facet_count(triangles)?);
     for triangle in faces.iter().flat_map(fan) {
         let corners = triangle.map(|v| points[v as usize]);
         for vector in [facet_normal(corners), corners[0], corners[1], corners[2]] {

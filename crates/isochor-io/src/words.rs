@@ -45,6 +45,15 @@ pub(crate) fn line_of(bytes: &[u8], at: usize) -> usize {
     1 + breaks.count()
 }
 
+/// The first line break of a text, LF where it has none.
+pub(crate) fn line_break(bytes: &[u8]) -> &[u8] {
+    match bytes.iter().position(|b| matches!(b, b'\n' | b'\r')) {
+        Some(at) if bytes[at..].starts_with(b"\r\n") => b"\r\n",
+        Some(at) => &bytes[at..=at],
+        None => b"\n",
+    }
+}
+
 /// A walk through the words of a text.
 #[derive(Clone)]
 pub(crate) struct Words<'a> {
@@ -126,13 +135,25 @@ impl<'a> Words<'a> {
         Some(start..self.at)
     }
 
-    /// Steps to the start of the next line.
-    pub(crate) fn end_line(&mut self) {
+    /// Span of the word so many behind the next one in this line, empty where there is none. The walk stays where it is.
+    pub(crate) fn nth_in_line(&self, n: usize) -> Range<usize> {
+        let mut ahead = self.clone();
+        std::iter::from_fn(|| ahead.next_in_line()).nth(n).unwrap_or_default()
+    }
+
+    /// Steps to the line break of this line, or the end of the text, and says where that is.
+    pub(crate) fn line_end(&mut self) -> usize {
         while self.next_in_line().is_some() {}
         // A comment is not joined with the next line: it is more often a path that ends with a backslash.
         while self.kind().is_some_and(|k| k != Kind::Break) {
             self.at += 1;
         }
+        self.at
+    }
+
+    /// Steps to the start of the next line.
+    pub(crate) fn end_line(&mut self) {
+        self.line_end();
         if !self.is_done() {
             self.step_over_break();
         }
@@ -190,6 +211,23 @@ mod tests {
         let text = b"f 1 \\\n 2 3\\\r\n4 # c \\\nv 1\\2#x\n#\\\nend\\";
         let want = [row(1, "f 1 2 3 4"), row(4, "v 1\\2"), row(5, ""), row(6, "end\\")];
         assert_eq!(lines(text, Words::obj(text)), want);
+    }
+
+    #[test]
+    fn the_end_of_a_line_stands_behind_comments_and_joined_lines() {
+        let text = b"f 1 \\\n2 # c\r\nend";
+        let mut words = Words::obj(text);
+        assert_eq!((words.nth_in_line(2), words.nth_in_line(3), words.at()), (6..7, 0..0, 0));
+        assert_eq!(words.line_end(), 11);
+        words.end_line();
+        assert_eq!((words.at(), words.line(), words.line_end()), (13, 3, 16));
+    }
+
+    #[test]
+    fn the_first_line_break() {
+        for (text, found) in [("a\r\nb\n", "\r\n"), ("a\rb\n", "\r"), ("\n\r", "\n"), ("a", "\n"), ("a\r", "\r")] {
+            assert_eq!(line_break(text.as_bytes()), found.as_bytes(), "{text:?}");
+        }
     }
 
     #[test]

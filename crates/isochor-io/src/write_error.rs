@@ -1,6 +1,6 @@
 //! Why points cannot be written into a document.
 
-use crate::ReadError;
+use crate::{ReadError, RefinementError};
 
 /// Why points cannot be written into a document.
 #[derive(Clone, Debug, PartialEq, thiserror::Error)]
@@ -75,6 +75,34 @@ pub enum WriteError {
         /// Name of the format.
         format: &'static str,
     },
+    /// A refinement does not fit the mesh of the document.
+    #[error("the refinement does not fit the document: {0}")]
+    Refinement(#[from] RefinementError),
+    /// Strips hold triangles together that a refinement splits.
+    #[error("the faces of the file are triangle strips, and none of their triangles can be split")]
+    Strips,
+    /// A number is beyond the type that a PLY file announces for a list.
+    #[error("{value} is beyond the {limit} that the list '{list}' of the file can hold")]
+    ListRange {
+        /// Name of the list.
+        list: String,
+        /// The index or count.
+        value: u64,
+        /// The largest number possible.
+        limit: u64,
+    },
+    /// A statement of an OBJ file names something that does not exist, and that an added line would be.
+    #[error("line {line} names {thing} {index}, but there are only {count}: an added one would take its place")]
+    StrayIndex {
+        /// Line of the statement, counted from 1.
+        line: usize,
+        /// What is named.
+        thing: &'static str,
+        /// Its index, counted from 1.
+        index: u64,
+        /// Number of such things in the file.
+        count: usize,
+    },
     /// The document's own bytes could not be followed again.
     #[error("the document cannot be followed: {0}")]
     Document(String),
@@ -90,11 +118,18 @@ impl WriteError {
             Self::StlPrecision => Some("write .ply or .obj, or keep the file's precision"),
             Self::NewInteger => Some("choose f32 or f64"),
             Self::TooMany { .. } => Some("write .ply"),
+            Self::Refinement(_) => Some("refine the mesh of this document"),
+            Self::Strips => Some("write a new file of the mesh, or convert the strips to faces"),
+            Self::ListRange { .. } => Some("write a new file of the mesh, or announce a wider type such as uint"),
+            Self::StrayIndex { .. } => Some("repair the index"),
             _ => None,
         }
     }
+}
 
-    pub(crate) fn from_read(error: &ReadError) -> Self {
+impl From<ReadError> for WriteError {
+    /// The document's own bytes, which were read before, could not be followed again.
+    fn from(error: ReadError) -> Self {
         Self::Document(error.to_string())
     }
 }

@@ -1,7 +1,7 @@
 //! Documents of every format: random files come back byte for byte but for what changed; new files of a mesh.
 
 use glam::DVec3;
-use isochor::{Faces, Mesh};
+use isochor::{Faces, Mesh, Refinement};
 use isochor_io::{Document, Format, NumberType, Place, WriteError, WriteOptions};
 use proptest::prelude::*;
 
@@ -285,9 +285,35 @@ proptest! {
                 prop_assert!(same.bytes == bytes);
                 let moved: Vec<_> = points.iter().map(|p| *p * 0.5 + DVec3::X).collect();
                 let _ = document.with_points(&moved, &WriteOptions::default());
+                split_first_face(&document)?;
             }
         }
     }
+}
+
+/// Puts a triangle of two of its corners and their middle in place of the first face. What is written must be what was asked for.
+fn split_first_face(document: &Document) -> Result<(), TestCaseError> {
+    let mesh = document.mesh();
+    let Some(face) = (!mesh.faces().is_empty()).then(|| mesh.faces().face(0)) else { return Ok(()) };
+    let middle = [(0, 0.5), (1, 0.5), (2, 0.0)];
+    let old = |k| [(k, 1.0), (0, 0.0), (0, 0.0)];
+    let mut all = Refinement { vertices: vec![middle.map(|(k, w)| (face[k as usize], w))], ..Default::default() };
+    all.faces.push(&[face[0], mesh.points().len() as u32, face[2]]);
+    all.corners.extend([old(0), middle, old(2)]);
+    for other in mesh.faces().iter().skip(1) {
+        all.faces.push(other);
+        all.corners.extend((0..other.len() as u32).map(old));
+    }
+    all.origins.extend(0..mesh.faces().len() as u32);
+    let mut points = mesh.points().to_vec();
+    points.push(points[face[0] as usize] / 2.0 + points[face[1] as usize] / 2.0);
+    if let Ok(written) = document.refined(&points, &all, &WriteOptions::default()) {
+        let again = Document::parse(written.bytes, document.format()).unwrap();
+        let places =
+            |points: &[DVec3], faces: &Faces| faces.corners().iter().map(|v| points[*v as usize]).collect::<Vec<_>>();
+        prop_assert_eq!(places(again.mesh().points(), again.mesh().faces()), places(&written.points, &all.faces));
+    }
+    Ok(())
 }
 
 fn tetrahedron() -> Mesh {
