@@ -126,6 +126,7 @@ mod sphere;
 mod square;
 mod surface;
 mod surface_mesh;
+mod surface_request;
 mod sweep;
 pub mod tolerances;
 mod topology;
@@ -174,6 +175,10 @@ pub use sheet::Sheet;
 pub use shells::{Role, Shell, roles};
 pub use simplify::coarse_triangles;
 pub use surface::{Jet, Surface, SurfaceError};
+pub use surface_request::{
+    FlattenKind, FrameRequest, ProfileRequest, SplineRequest, SurfaceKind, SurfaceRequest, SurfaceRequestError,
+    ThroughRequest,
+};
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 
