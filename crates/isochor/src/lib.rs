@@ -70,24 +70,32 @@
 //! - `rayon` (default): threads. Results have the same bits without it.
 //! - `serde`: jobs as TOML and JSON, reports as JSON.
 
+mod arc;
+mod arc_length;
 mod axes;
 mod binding;
 mod body;
 mod bspline;
 mod built_in;
 mod coarse;
+mod cone;
 mod correct;
+mod curvature;
+mod curve;
 mod double;
 mod drag;
 mod edit;
 mod energy;
 #[cfg(feature = "serde")]
 mod exact;
+mod extrusion;
 #[cfg(feature = "serde")]
 mod film;
 mod goals;
 mod gradient;
 mod health;
+mod homogeneous;
+mod interpolation;
 mod job;
 #[cfg(feature = "serde")]
 mod job_text;
@@ -99,12 +107,14 @@ mod nearest;
 mod order;
 mod outcome;
 mod parallel;
+mod patch;
 mod pieces;
 mod points;
 mod posed;
 mod preview;
 mod refinement;
 mod report;
+mod revolution;
 mod rows;
 mod select;
 mod sensitivity;
@@ -113,11 +123,14 @@ mod sheet;
 mod shells;
 mod simplify;
 mod spare;
+mod sphere;
 mod square;
 mod surface;
+mod surface_mesh;
 mod sweep;
 pub mod tolerances;
 mod topology;
+mod torus;
 mod triangles;
 mod volume;
 
@@ -125,6 +138,8 @@ pub use binding::{Binding, BoundVertices, displaced};
 pub use bspline::{Basis, BasisError, MAX_SIZE};
 pub use built_in::{BuiltIn, ShapeName, ShapeNameError};
 pub use correct::{CorrectError, CorrectOptions, Correction, Corrector, Method, Pose, Reason, Status, Wanted, correct};
+pub use curvature::Curvature;
+pub use curve::{Curve, CurveJet};
 pub use drag::{Drag, DragError};
 pub use edit::{
     Axis, Bend, Edit, EditError, Factors, LengthUnit, Move, Noise, Rotate, RotationAxis, Scale, SignedAxis, Stretch,
@@ -135,6 +150,7 @@ pub use energy::Energy;
 pub use film::Film;
 pub use goals::{Components, VolumeGoal};
 pub use health::{ComponentHealth, Health, Source, Verdict};
+pub use interpolation::Smoothness;
 pub use job::{
     Amount, AxisKnots, AxisLetters, BasisKind, ColorBy, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots,
     LatticeRequest, MethodKind, MobilityKind, Objective, PartTarget, PerAxis, PointRequest, Precision, Preserve,
@@ -146,6 +162,7 @@ pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice, Stage};
+pub use patch::Patch;
 pub use points::{PointError, PointTarget, least_displacement};
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use preview::Preview;
@@ -158,7 +175,7 @@ pub use sensitivity::{Cause, Effect, Sensitivity};
 pub use sheet::Sheet;
 pub use shells::{Role, Shell, roles};
 pub use simplify::coarse_triangles;
-pub use surface::{Jet, Surface};
+pub use surface::{Jet, Surface, SurfaceError};
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 

@@ -116,6 +116,26 @@ impl Pieces {
             row.iter_mut().zip(of_beta).for_each(|(sum, c)| *sum += beta * c);
         }
     }
+
+    /// The functions that do not vanish at `u`, in the domain, with first and second derivatives: three rows in `rows`, `scratch`
+    /// holds as many numbers. Returns the index of the first function.
+    ///
+    /// Inlined, so that rows of a length that the caller knows become loops of that length.
+    #[inline(always)]
+    pub(crate) fn jet_row(&self, u: f64, rows: &mut [f64], scratch: &mut [f64]) -> usize {
+        let (piece, t) = self.place(u);
+        let span = usize::from(piece) - 1;
+        let width = self.breaks[span + 1] - self.breaks[span];
+        let length = rows.len() / 3;
+        bernstein_jet(t, 1.0 / width, scratch, length);
+        for (row, betas) in rows.chunks_exact_mut(length).zip(scratch.chunks_exact(length)) {
+            row.fill(0.0);
+            for (beta, of_beta) in betas.iter().zip(self.coefficients(piece).chunks_exact(length)) {
+                row.iter_mut().zip(of_beta).for_each(|(sum, c)| *sum += beta * c);
+            }
+        }
+        self.start(piece)
+    }
 }
 
 /// The Bernstein polynomials of degree `values.len() − 1` at t.
@@ -123,6 +143,45 @@ fn bernstein(t: f64, values: &mut [f64]) {
     let s = 1.0 - t;
     values[0] = 1.0;
     for j in 1..values.len() {
+        let mut saved = 0.0;
+        for value in &mut values[..j] {
+            let old = *value;
+            *value = saved + s * old;
+            saved = t * old;
+        }
+        values[j] = saved;
+    }
+}
+
+/// The Bernstein polynomials of degree `length − 1` at t with first and second derivatives by a parameter in which t runs `rate` times
+/// faster: three rows in `rows`. The derivatives are differences of the polynomials of one and two degrees less.
+#[inline(always)]
+fn bernstein_jet(t: f64, rate: f64, rows: &mut [f64], length: usize) {
+    let (values, derivatives) = rows.split_at_mut(length);
+    let (first, second) = derivatives.split_at_mut(length);
+    let (degree, s) = (length - 1, 1.0 - t);
+    let n = degree as f64;
+    second.fill(0.0);
+    values[0] = 1.0;
+    for j in 1..=degree {
+        // Here `values[..j]` are the polynomials of degree j − 1.
+        if j + 1 == degree {
+            let factor = n * (n - 1.0) * rate * rate;
+            for (i, value) in values[..j].iter().enumerate() {
+                second[i] += factor * value;
+                second[i + 1] -= 2.0 * factor * value;
+                second[i + 2] += factor * value;
+            }
+        }
+        if j == degree {
+            let mut saved = 0.0;
+            for (slope, value) in first.iter_mut().zip(&values[..j]) {
+                let new = n * rate * value;
+                *slope = saved - new;
+                saved = new;
+            }
+            first[degree] = saved;
+        }
         let mut saved = 0.0;
         for value in &mut values[..j] {
             let old = *value;

@@ -1,10 +1,25 @@
 //! Parametric surfaces `S(s, t)` to deform along, over (s, t) ∈ [0, 1]².
 //!
-//! A surface gives its value with first and second derivatives ([`Jet`]); normals and curvatures follow from these.
+//! A surface gives its value with first and second derivatives ([`Jet`]); normals and curvatures follow from these. The kinds with formulas
+//! of their own (cylinders, cones, spheres, tori) stand about the z axis, and [`Surface::placed`] puts any kind anywhere.
+//!
+//! Where two opposite borders are the same curve there is a seam ([`Surface::closes`]); the sheet is cut there. A border that is one point
+//! is a pole ([`Surface::poles`]).
 
-use std::f64::consts::TAU;
+use glam::{DMat3, DVec2, DVec3};
 
-use glam::DVec3;
+use crate::bspline::BasisError;
+use crate::cone::Cone;
+use crate::curve::Curve;
+use crate::extrusion::Extrusion;
+use crate::patch::Patch;
+use crate::revolution::Revolution;
+use crate::sphere::Sphere;
+use crate::tolerances;
+use crate::torus::Torus;
+
+/// A full turn, degrees.
+const FULL: [f64; 2] = [0.0, 360.0];
 
 /// A surface's point and derivatives at one place.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -24,10 +39,16 @@ pub struct Jet {
 }
 
 impl Jet {
-    /// The unit normal `S_s × S_t / |S_s × S_t|`; none where the surface has no tangent plane, as at a pole.
+    /// The unit normal `S_s × S_t / |S_s × S_t|`; none where that is nothing. At a pole, where S_s is nothing but rounding, ask
+    /// [`Surface::normal`].
     #[must_use]
     pub fn normal(&self) -> Option<DVec3> {
         self.s.cross(self.t).try_normalize()
+    }
+
+    fn map(self, f: impl Fn(DVec3) -> DVec3) -> Self {
+        let [point, s, t, ss, st, tt] = [self.point, self.s, self.t, self.ss, self.st, self.tt].map(f);
+        Self { point, s, t, ss, st, tt }
     }
 }
 
@@ -35,31 +56,394 @@ impl Jet {
 #[derive(Clone, Debug, PartialEq)]
 pub struct Surface {
     kind: Kind,
+    place: Option<Place>,
+    /// Whether s runs backwards, which turns the normals.
+    flipped: bool,
 }
 
 #[derive(Clone, Debug, PartialEq)]
 enum Kind {
     Plane { corner: DVec3, sides: [DVec3; 2] },
-    Cylinder { radius: f64, height: f64 },
+    Cone(Cone),
+    Sphere(Sphere),
+    Torus(Torus),
+    Patch(Patch),
+    Revolution(Revolution),
+    Extrusion(Extrusion),
+}
+
+/// A rigid motion.
+#[derive(Clone, Copy, Debug, PartialEq)]
+struct Place {
+    origin: DVec3,
+    turn: DMat3,
+}
+
+/// Why numbers make no surface.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub enum SurfaceError {
+    /// A length that is not positive, or beyond what can be computed with.
+    #[error("{what} is {value}: it must be more than 0, between {:e} and {:e}", tolerances::EXTENTS.start(), tolerances::EXTENTS.end())]
+    Size {
+        /// Which length.
+        what: &'static str,
+        /// Its value.
+        value: f64,
+    },
+    /// A coordinate that is infinite or not a number.
+    #[error("{what} {index} is at ({}, {}, {}): coordinates must be finite", .value.x, .value.y, .value.z)]
+    NotFinite {
+        /// What has it.
+        what: &'static str,
+        /// Which one of several, from 0.
+        index: usize,
+        /// Its coordinates.
+        value: DVec3,
+    },
+    /// A vector that gives no direction.
+    #[error("{what} is ({}, {}, {}), which is no direction: its length must be finite and more than 0", .value.x, .value.y, .value.z)]
+    NoDirection {
+        /// Which vector.
+        what: &'static str,
+        /// Its coordinates.
+        value: DVec3,
+    },
+    /// The two directions of a place are one.
+    #[error("the directions of z and x are parallel: x must point aside")]
+    Parallel,
+    /// Angles that make no range.
+    #[error("{what} are from {start} to {end} degrees: they must rise, by at most 360")]
+    Angles {
+        /// Which angles.
+        what: &'static str,
+        /// The first, in degrees.
+        start: f64,
+        /// The last, in degrees.
+        end: f64,
+    },
+    /// Latitudes that make no range.
+    #[error("latitudes are from {south} to {north} degrees: they must rise, between -90 and 90")]
+    Latitudes {
+        /// The first, in degrees.
+        south: f64,
+        /// The last, in degrees.
+        north: f64,
+    },
+    /// A torus that meets itself.
+    #[error("the minor radius {minor} is not smaller than the major radius {major}: the torus would meet itself")]
+    Tube {
+        /// Radius from the axis to the middle of the tube.
+        major: f64,
+        /// Radius of the tube.
+        minor: f64,
+    },
+    /// Lists whose lengths disagree.
+    #[error("there are {found} {what}: there must be {expected}")]
+    Count {
+        /// What is counted.
+        what: &'static str,
+        /// How many there are.
+        found: usize,
+        /// How many there must be.
+        expected: usize,
+    },
+    /// A weight that is not positive.
+    #[error("weight {index} is {value}: weights must be finite and more than 0")]
+    Weight {
+        /// Which one, from 0.
+        index: usize,
+        /// Its value.
+        value: f64,
+    },
+    /// Degree, knots and number of control points do not fit.
+    #[error("along {axis}: {source}")]
+    Basis {
+        /// s, t, or the profile.
+        axis: &'static str,
+        /// What does not fit.
+        source: BasisError,
+    },
+    /// Two neighbours of a polyline at one place.
+    #[error("points {index} and {} of the profile are at one place: leave out one of them", .index + 1)]
+    Coincide {
+        /// The first of them, from 0.
+        index: usize,
+    },
+    /// A surface without area.
+    #[error("{what} has no area: its two directions coincide, or all of it is a line or a point")]
+    Flat {
+        /// What has none.
+        what: &'static str,
+    },
+}
+
+/// A length, if it is one to compute with.
+pub(crate) fn size(what: &'static str, value: f64) -> Result<f64, SurfaceError> {
+    if tolerances::EXTENTS.contains(&value) { Ok(value) } else { Err(SurfaceError::Size { what, value }) }
+}
+
+/// A vector's direction, of length 1.
+pub(crate) fn direction(what: &'static str, value: DVec3) -> Result<DVec3, SurfaceError> {
+    // Scaled first, so that squares neither overflow nor vanish.
+    let scaled = value / value.abs().max_element();
+    if scaled.is_finite() { Ok(scaled.normalize()) } else { Err(SurfaceError::NoDirection { what, value }) }
+}
+
+impl From<Patch> for Surface {
+    fn from(patch: Patch) -> Self {
+        Self::new(Kind::Patch(patch))
+    }
 }
 
 impl Surface {
-    /// The parallelogram `corner + s sides[0] + t sides[1]`.
+    fn new(kind: Kind) -> Self {
+        Self { kind, place: None, flipped: false }
+    }
+
+    /// [`Surface::parallelogram`] of sides that are known to be good.
+    ///
+    /// # Panics
+    ///
+    /// Panics where that is an error.
     #[must_use]
     pub fn plane(corner: DVec3, sides: [DVec3; 2]) -> Self {
-        Self { kind: Kind::Plane { corner, sides } }
+        Self::parallelogram(corner, sides).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// A full cylinder about the z axis, its base in the plane z = 0: s goes once round from the positive x axis towards y, t goes up;
-    /// normals point outwards. Its seam is s = 0.
+    /// The parallelogram `corner + s sides[0] + t sides[1]`.
+    ///
+    /// # Errors
+    ///
+    /// Coordinates that are not finite; sides that are parallel, or nothing.
+    pub fn parallelogram(corner: DVec3, sides: [DVec3; 2]) -> Result<Self, SurfaceError> {
+        if !corner.is_finite() {
+            return Err(SurfaceError::NotFinite { what: "corner", index: 0, value: corner });
+        }
+        let [s, t] = [direction("side 0", sides[0])?, direction("side 1", sides[1])?];
+        for side in sides {
+            size("the length of a side", side.length())?;
+        }
+        if s.cross(t).length() <= tolerances::FLAT_SURFACE {
+            return Err(SurfaceError::Flat { what: "the parallelogram" });
+        }
+        Ok(Self::new(Kind::Plane { corner, sides }))
+    }
+
+    /// A full [`Surface::cylinder_part`] whose sizes are known to be good, from the positive x axis on.
+    ///
+    /// # Panics
+    ///
+    /// Panics where that is an error.
     #[must_use]
     pub fn cylinder(radius: f64, height: f64) -> Self {
-        Self { kind: Kind::Cylinder { radius, height } }
+        Self::cylinder_part(radius, height, FULL).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// Point and derivatives at (s, t), also a little outside [0, 1]², where the kind's formula goes on.
+    /// A cylinder about the z axis, its base in the plane z = 0: s goes round from `angles[0]` to `angles[1]` (degrees from the
+    /// positive x axis towards y), t goes up; normals point outwards.
+    ///
+    /// # Errors
+    ///
+    /// Sizes that are not positive; angles that do not rise, or by more than a full turn.
+    pub fn cylinder_part(radius: f64, height: f64, angles: [f64; 2]) -> Result<Self, SurfaceError> {
+        Cone::cylinder(radius, height, angles).map(Kind::Cone).map(Self::new)
+    }
+
+    /// As [`Surface::cylinder_part`] with the radius `radii[0]` at the base and `radii[1]` at the top; one of them may be 0.
+    ///
+    /// # Errors
+    ///
+    /// As [`Surface::cylinder_part`]; two radii of 0.
+    pub fn cone(radii: [f64; 2], height: f64, angles: [f64; 2]) -> Result<Self, SurfaceError> {
+        Cone::new(radii, height, angles).map(Kind::Cone).map(Self::new)
+    }
+
+    /// A sphere about the origin: s goes round from `angles[0]` to `angles[1]` (degrees from the positive x axis towards y), t goes up
+    /// from the latitude `latitudes[0]` to `latitudes[1]` (degrees, −90 to 90); normals point outwards.
+    ///
+    /// # Errors
+    ///
+    /// As [`Surface::cylinder_part`]; latitudes that do not rise or are beyond the poles.
+    pub fn sphere(radius: f64, angles: [f64; 2], latitudes: [f64; 2]) -> Result<Self, SurfaceError> {
+        Sphere::new(radius, angles, latitudes).map(Kind::Sphere).map(Self::new)
+    }
+
+    /// A torus about the z axis: s goes round it from `angles[0]` to `angles[1]` (degrees from the positive x axis towards y), t round
+    /// its tube from `tube[0]` to `tube[1]` (degrees from the outer equator upwards); normals point out of the tube. `radii` are those
+    /// of the tube's middle and of the tube.
+    ///
+    /// # Errors
+    ///
+    /// As [`Surface::cylinder_part`]; a tube as wide as the torus, or wider.
+    pub fn torus(radii: [f64; 2], angles: [f64; 2], tube: [f64; 2]) -> Result<Self, SurfaceError> {
+        Torus::new(radii[0], radii[1], angles, tube).map(Kind::Torus).map(Self::new)
+    }
+
+    /// The profile `curve` (t) turned about the line through `axis[0]` along `axis[1]` from `angles[0]` to `angles[1]` (degrees,
+    /// right-handed; s). Normals of a profile that goes up beside its axis point outwards.
+    ///
+    /// # Errors
+    ///
+    /// As [`Surface::cylinder_part`]; an axis without direction; a profile on the axis.
+    pub fn revolution(curve: Curve, axis: [DVec3; 2], angles: [f64; 2]) -> Result<Self, SurfaceError> {
+        Revolution::new(curve, axis, angles).map(Kind::Revolution).map(Self::new)
+    }
+
+    /// The profile `curve` (s) moved by the vector `along` (t).
+    ///
+    /// # Errors
+    ///
+    /// A vector without direction; a profile that is straight along it.
+    pub fn extrusion(curve: Curve, along: DVec3) -> Result<Self, SurfaceError> {
+        Extrusion::new(curve, along).map(Kind::Extrusion).map(Self::new)
+    }
+
+    /// The surface, its origin moved to `origin`, its z axis turned to the direction `z`, its x axis to the part of the direction `x`
+    /// across `z`.
+    ///
+    /// # Errors
+    ///
+    /// Coordinates that are not finite; directions that are none, or parallel.
+    pub fn placed(self, origin: DVec3, z: DVec3, x: DVec3) -> Result<Self, SurfaceError> {
+        if !origin.is_finite() {
+            return Err(SurfaceError::NotFinite { what: "origin", index: 0, value: origin });
+        }
+        let [z, x] = [direction("z", z)?, direction("x", x)?];
+        let across = x - x.dot(z) * z;
+        if across.length() <= tolerances::FLAT_SURFACE {
+            return Err(SurfaceError::Parallel);
+        }
+        let x = across.normalize();
+        let place = Place { origin, turn: DMat3::from_cols(x, z.cross(x), z) };
+        let place = match self.place {
+            Some(inner) => Place { origin: place.turn * inner.origin + origin, turn: place.turn * inner.turn },
+            None => place,
+        };
+        Ok(Self { place: Some(place), ..self })
+    }
+
+    /// The surface with s running backwards: its normals are turned.
+    #[must_use]
+    pub fn flipped(self) -> Self {
+        Self { flipped: !self.flipped, ..self }
+    }
+
+    /// The patch, if the surface is one that was not placed.
+    #[must_use]
+    pub fn patch(&self) -> Option<&Patch> {
+        match &self.kind {
+            Kind::Patch(patch) if self.place.is_none() && !self.flipped => Some(patch),
+            _ => None,
+        }
+    }
+
+    /// Point and derivatives at (s, t), also a little outside [0, 1]²: there the kind's formula goes on, a patch or a profile along its tangents at
+    /// the border, or round where it closes.
     #[must_use]
     pub fn jet(&self, s: f64, t: f64) -> Jet {
+        let jet = self.kind_jet(self.kind_s(s), t);
+        self.outward(jet)
+    }
+
+    /// The jet, and the unit normal there as a limit: at a smooth pole too, where the jet has none. None at the apex of a cone and
+    /// wherever else a surface has no tangent plane.
+    ///
+    /// The normal is that of S_s × S_t: to the left of t when s goes right, seen from its tip.
+    #[must_use]
+    pub fn jet_and_normal(&self, s: f64, t: f64) -> (Jet, Option<DVec3>) {
+        let s = self.kind_s(s);
+        let jet = self.kind_jet(s, t);
+        let normal = self.kind_normal(s, t, &jet).map(|normal| {
+            let turned = self.place.map_or(normal, |place| place.turn * normal);
+            if self.flipped { -turned } else { turned }
+        });
+        (self.outward(jet), normal)
+    }
+
+    /// The unit normal at (s, t) as a limit; see [`Surface::jet_and_normal`].
+    #[must_use]
+    pub fn normal(&self, s: f64, t: f64) -> Option<DVec3> {
+        self.jet_and_normal(s, t).1
+    }
+
+    /// Whether s = 0 and s = 1 are the same curve, and whether t = 0 and t = 1 are: there is a seam.
+    #[must_use]
+    pub fn closes(&self) -> [bool; 2] {
+        match &self.kind {
+            Kind::Plane { .. } => [false, false],
+            Kind::Cone(cone) => [cone.is_full(), false],
+            Kind::Sphere(sphere) => [sphere.is_full(), false],
+            Kind::Torus(torus) => torus.closes(),
+            Kind::Patch(patch) => patch.closes(),
+            Kind::Revolution(revolution) => revolution.closes(),
+            Kind::Extrusion(extrusion) => [extrusion.closes(), false],
+        }
+    }
+
+    /// Whether the borders s = 0, s = 1, t = 0, t = 1 are one point each: poles and apexes.
+    #[must_use]
+    pub fn poles(&self) -> [bool; 4] {
+        let along_t = |[low, high]: [bool; 2]| [false, false, low, high];
+        let [s0, s1, t0, t1] = match &self.kind {
+            Kind::Plane { .. } | Kind::Torus(_) | Kind::Extrusion(_) => [false; 4],
+            Kind::Cone(cone) => along_t(cone.is_apex()),
+            Kind::Sphere(sphere) => along_t(sphere.is_pole()),
+            Kind::Patch(patch) => patch.poles().map(|pole| pole.is_some()),
+            Kind::Revolution(revolution) => along_t(revolution.poles().map(|pole| pole.is_some())),
+        };
+        if self.flipped { [s1, s0, t0, t1] } else { [s0, s1, t0, t1] }
+    }
+
+    /// Whether [`Surface::development`] has an answer: planes, cylinders, cones and extrusions.
+    #[must_use]
+    pub fn is_developable(&self) -> bool {
+        matches!(self.kind, Kind::Plane { .. } | Kind::Cone(_) | Kind::Extrusion(_))
+    }
+
+    /// Where (s, t) is when the surface, cut at its seam, is unrolled into the plane without stretching: lengths and angles on the sheet
+    /// are those on the surface, and the turn from S_s to S_t is counter-clockwise. Exact for planes, cylinders and cones; for extrusions
+    /// the profile's length is good to 1e-12. None for other kinds.
+    #[must_use]
+    pub fn development(&self, s: f64, t: f64) -> Option<DVec2> {
+        let s = self.kind_s(s);
+        let developed = match &self.kind {
+            Kind::Plane { sides, .. } => {
+                let along = sides[0].length();
+                let across = sides[0].cross(sides[1]).length() / along;
+                let shear = sides[0].dot(sides[1]) / along;
+                DVec2::new(s * along + t * shear, t * across)
+            }
+            Kind::Cone(cone) => cone.development(s, t),
+            Kind::Extrusion(extrusion) => extrusion.development(s, t),
+            _ => return None,
+        };
+        Some(if self.flipped { DVec2::new(-developed.x, developed.y) } else { developed })
+    }
+
+    /// The length of the shortest way on the surface, cut at its seam, between the points at `a` and `b` = (s, t), where that is a
+    /// straight line of the development or an arc of a great circle. None for other kinds, and where that would leave the sheet: round the
+    /// apex or over the inner rim of a cone, over a border of a part of a sphere, across a seam, or over the uneven border of an extrusion whose
+    /// profile is not across its direction.
+    #[must_use]
+    pub fn geodesic(&self, a: DVec2, b: DVec2) -> Option<f64> {
+        let [p, q] = [a, b].map(|at| DVec2::new(self.kind_s(at.x), at.y));
+        let stays = match &self.kind {
+            Kind::Plane { .. } => true,
+            Kind::Cone(cone) => cone.sees(p, q),
+            Kind::Extrusion(extrusion) => extrusion.is_straight(),
+            Kind::Sphere(sphere) => return sphere.geodesic(p, q),
+            _ => false,
+        };
+        let [p, q] = [a, b].map(|at| self.development(at.x, at.y));
+        p.zip(q).filter(|_| stays).map(|(p, q)| p.distance(q))
+    }
+
+    /// The kind's own s.
+    fn kind_s(&self, s: f64) -> f64 {
+        if self.flipped { 1.0 - s } else { s }
+    }
+
+    fn kind_jet(&self, s: f64, t: f64) -> Jet {
         match &self.kind {
             Kind::Plane { corner, sides } => Jet {
                 point: corner + s * sides[0] + t * sides[1],
@@ -69,19 +453,44 @@ impl Surface {
                 st: DVec3::ZERO,
                 tt: DVec3::ZERO,
             },
-            Kind::Cylinder { radius, height } => {
-                let (sin, cos) = libm::sincos(TAU * s);
-                let out = radius * DVec3::new(cos, sin, 0.0);
-                let along = TAU * radius * DVec3::new(-sin, cos, 0.0);
-                Jet {
-                    point: out + t * height * DVec3::Z,
-                    s: along,
-                    t: height * DVec3::Z,
-                    ss: -TAU * TAU * out,
-                    st: DVec3::ZERO,
-                    tt: DVec3::ZERO,
-                }
+            Kind::Cone(cone) => cone.jet(s, t),
+            Kind::Sphere(sphere) => sphere.jet(s, t),
+            Kind::Torus(torus) => torus.jet(s, t),
+            Kind::Patch(patch) => patch.jet(s, t),
+            Kind::Revolution(revolution) => revolution.jet(s, t),
+            Kind::Extrusion(extrusion) => extrusion.jet(s, t),
+        }
+    }
+
+    fn kind_normal(&self, s: f64, t: f64, jet: &Jet) -> Option<DVec3> {
+        let pole = match &self.kind {
+            Kind::Cone(cone) => return cone.normal(t, jet),
+            Kind::Sphere(sphere) => return Some(sphere.normal(t, jet)),
+            Kind::Patch(patch) => on_border(patch.poles(), s, t),
+            Kind::Revolution(revolution) => {
+                let [low, high] = revolution.poles();
+                on_border(&[None, None, low, high], s, t)
+            }
+            _ => None,
+        };
+        pole.unwrap_or_else(|| jet.normal())
+    }
+
+    /// A jet of the kind as one of the surface.
+    fn outward(&self, jet: Jet) -> Jet {
+        let jet = if self.flipped { Jet { s: -jet.s, st: -jet.st, ..jet } } else { jet };
+        match self.place {
+            None => jet,
+            Some(Place { origin, turn }) => {
+                let turned = jet.map(|v| turn * v);
+                Jet { point: turned.point + origin, ..turned }
             }
         }
     }
+}
+
+/// The pole whose border (s, t) is on.
+fn on_border<T: Copy>([s0, s1, t0, t1]: &[Option<T>; 4], s: f64, t: f64) -> Option<T> {
+    let at = |pole: &Option<T>, is_there: bool| pole.filter(|_| is_there);
+    at(t0, t == 0.0).or(at(t1, t == 1.0)).or(at(s0, s == 0.0)).or(at(s1, s == 1.0))
 }

@@ -83,3 +83,15 @@ pub const COARSE_VOLUME: f64 = 0.1;
 /// A model is only accepted with an extent between these: beyond, products of three coordinates leave the range in which
 /// f64 keeps its full precision.
 pub const EXTENTS: std::ops::RangeInclusive<f64> = 1e-70..=1e90;
+
+/// Points of a surface that are nearer to each other than this fraction of its extent are one: its borders meet in a seam, or a border is a
+/// pole. Larger: narrow gaps are closed; smaller: the rounding of control points opens seams.
+pub const SEAM: f64 = 1e-12;
+
+/// A surface has a normal at a pole where the normals towards it differ by less than this. Larger: the tips of blunt cones get normals;
+/// smaller: rounding takes those of smooth poles.
+pub const POLE: f64 = 1e-9;
+
+/// A surface whose `|S_s × S_t|` is below this fraction of `max(|S_s|, |S_t|)` · extent everywhere has no area. Larger: thin strips are refused;
+/// smaller: rounding passes for a width.
+pub const FLAT_SURFACE: f64 = 1e-12;
