@@ -94,6 +94,7 @@ mod film;
 mod goals;
 mod gradient;
 mod health;
+mod height_scale;
 mod homogeneous;
 mod interpolation;
 mod job;
@@ -101,6 +102,7 @@ mod job;
 mod job_text;
 mod lattice;
 mod locality;
+mod locate;
 mod mesh;
 mod metric;
 mod nearest;
@@ -134,6 +136,7 @@ mod topology;
 mod torus;
 mod triangles;
 mod volume;
+mod wrap;
 
 pub use binding::{Binding, BoundVertices, displaced};
 pub use bspline::{Basis, BasisError, MAX_SIZE};
@@ -151,6 +154,7 @@ pub use energy::Energy;
 pub use film::Film;
 pub use goals::{Components, VolumeGoal};
 pub use health::{ComponentHealth, Health, Source, Verdict};
+pub use height_scale::{HeightScale, HeightScaleError, scaled_heights};
 pub use interpolation::Smoothness;
 pub use job::{
     Amount, AxisKnots, AxisLetters, BasisKind, ColorBy, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots,
@@ -161,6 +165,7 @@ pub use job::{
 pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use locality::{LocalityOptions, local_mobility, volume_loss};
+pub use locate::LocateError;
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice, Stage};
 pub use patch::Patch;
@@ -180,6 +185,7 @@ pub use simplify::coarse_triangles;
 pub use surface::{Jet, Surface, SurfaceError};
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
+pub use wrap::{Feet, Laid, Wrap, WrapError, WrapFolds};
 
 /// The examples of the documentation are tests.
 #[cfg(all(doctest, feature = "serde"))]
