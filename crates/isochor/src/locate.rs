@@ -135,6 +135,14 @@ impl Grid {
         }
     }
 
+    /// The number of line k of this grid among those of the sheet; none for the outer border of the ring.
+    pub(crate) fn line(&self, k: usize, axis: usize) -> Option<usize> {
+        match self.ring {
+            0.0 => Some(k),
+            _ => k.checked_sub(1).filter(|k| *k <= self.sheet[axis]),
+        }
+    }
+
     pub(crate) fn index(&self, [i, j]: [usize; 2]) -> usize {
         i * (self.cells[1] + 1) + j
     }
@@ -351,6 +359,10 @@ impl Locator {
         }
     }
 
+    pub(crate) fn grid(&self) -> &Grid {
+        &self.grid
+    }
+
     /// Longest side of the grid's box.
     pub(crate) fn extent(&self) -> f64 {
         self.extent
@@ -430,6 +442,22 @@ impl Locator {
             }
         }
         None
+    }
+
+    /// Cells that may touch the box from `low` to `high`, each once, ascending, in place of what `found` held.
+    pub(crate) fn cells_near(&self, low: DVec2, high: DVec2, found: &mut Vec<u32>) {
+        found.clear();
+        if (high.cmplt(self.bins.low) | low.cmpgt(self.bins.high)).any() {
+            return;
+        }
+        self.bins.touched(low, high).for_each(|bin| found.extend_from_slice(self.bins.cells(bin)));
+        found.sort_unstable();
+        found.dedup();
+    }
+
+    /// (i, j) of a cell by its number.
+    pub(crate) fn cell(&self, number: u32) -> [usize; 2] {
+        self.grid.cell(number as usize)
     }
 }
 

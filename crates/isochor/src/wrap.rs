@@ -309,6 +309,34 @@ impl Wrap {
         };
         Ok((point + q.z * normal, jacobian, factor))
     }
+
+    /// The located grid.
+    pub(crate) fn locator(&self) -> &Locator {
+        &self.locator
+    }
+
+    /// Places so far apart count as one.
+    pub(crate) fn tolerance(&self) -> f64 {
+        self.tolerance
+    }
+
+    /// |Normal curvature| of the surface at the place x of the flattened grid along a direction there, 1/length: 0 along none. Beyond the
+    /// boundary straight lines go on; along the boundary it is that of the boundary. Infinite where the surface has no normal.
+    pub(crate) fn curvature_along(&self, x: DVec2, direction: DVec2) -> f64 {
+        if direction == DVec2::ZERO {
+            return 0.0;
+        }
+        let place = self.locator.place(x).unwrap_or_else(|| self.locator.nearest(x).0);
+        let (Ok(Station { jet, normal, beyond, .. }), true) = (self.station(place), place.slope.determinant() != 0.0)
+        else {
+            return f64::INFINITY;
+        };
+        let DVec2 { x: s, y: t } = place.slope.inverse() * direction;
+        let [along_s, along_t] = [0, 1].map(|axis| if beyond[axis] == 0.0 { 1.0 } else { 0.0 });
+        let bend = s * s * along_s * jet.ss + 2.0 * s * t * jet.st + t * t * along_t * jet.tt;
+        let length = (s * jet.s + t * jet.t).length_squared();
+        if length > 0.0 { (bend.dot(normal) / length).abs() } else { f64::INFINITY }
+    }
 }
 
 impl Station {
