@@ -85,6 +85,14 @@ impl BuiltIn {
             mesh: |n| shapes::cylinder(0.5, 2.0, n, n),
         },
         Self {
+            name: "dolphin",
+            about: "a dolphin 3 long, with fin and flukes",
+            counts: "segments round it",
+            usual: 96,
+            range: 3..=1000,
+            mesh: shapes::dolphin,
+        },
+        Self {
             name: "ears",
             about: "a ball with two ears; vertex 3 is the tip of one",
             counts: "times that the triangles of an icosahedron are divided into four",

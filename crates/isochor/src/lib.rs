@@ -84,6 +84,7 @@ mod crossings;
 mod curvature;
 mod curve;
 mod cut;
+mod descent;
 mod double;
 mod drag;
 mod edit;
@@ -93,6 +94,8 @@ mod exact;
 mod extrusion;
 #[cfg(feature = "serde")]
 mod film;
+mod flatten;
+mod geodesic;
 mod goals;
 mod gradient;
 mod health;
@@ -130,6 +133,8 @@ mod simplify;
 mod spare;
 mod sphere;
 mod square;
+mod stress;
+mod stretch;
 mod subdivide;
 mod surface;
 mod surface_mesh;
@@ -138,6 +143,7 @@ pub mod tolerances;
 mod topology;
 mod torus;
 mod triangles;
+mod unroll;
 mod volume;
 mod wrap;
 
@@ -155,6 +161,10 @@ pub use edit::{
 pub use energy::Energy;
 #[cfg(feature = "serde")]
 pub use film::Film;
+pub use flatten::{
+    FlattenError, FlattenMethod, FlattenOptions, FlattenStart, FlattenStatus, FlattenWeights, Flattened, flatten,
+};
+pub use geodesic::Geodesic;
 pub use goals::{Components, VolumeGoal};
 pub use health::{ComponentHealth, Health, Source, Verdict};
 pub use height_scale::{HeightScale, HeightScaleError, scaled_heights};
@@ -185,6 +195,7 @@ pub use sensitivity::{Cause, Effect, Sensitivity};
 pub use sheet::Sheet;
 pub use shells::{Role, Shell, roles};
 pub use simplify::coarse_triangles;
+pub use stretch::{CellStretch, FlattenReport, SheetError};
 pub use subdivide::{PointKind, SubdivideError, SubdivideOptions, Subdivision, subdivide};
 pub use surface::{Jet, Surface, SurfaceError};
 pub use topology::{Topology, UnbalancedEdge, topology};

@@ -324,6 +324,43 @@ pub fn screwdriver(n: usize) -> Mesh {
     lofted(&(0..=2 * n).map(ring).collect::<Vec<Vec<DVec3>>>())
 }
 
+/// A dolphin from its nose at x = 0 to its flukes at x = 3, swimming along −x, its back up along z: `2n` rows of quads of equal length
+/// round `n` corners each, and two caps of triangles; n (2n + 1) + 2 vertices. Corner s of the ring at x is at
+/// `(x, a ρ cos φ, b ρ sin φ)`, `φ = 2π s/n`, with `ρ = 1 + f sin²⁴ φ` on the back, where the fin is, and 1 below; a, b and f go in smooth
+/// steps along x. As n grows the volume tends to `∫ a b ∫ ρ²/2 dφ dx`.
+///
+/// # Panics
+///
+/// Panics where `n` is less than 3.
+#[must_use]
+pub fn dolphin(n: usize) -> Mesh {
+    assert!(n >= 3, "a dolphin needs at least 3 segments, not {n}");
+    let ring = |row: usize| {
+        let x = 3.0 * (row as f64 / (2 * n) as f64);
+        let [a, b, f] = dolphin_section(x);
+        let corner = move |s: usize| {
+            let (sin, cos) = libm::sincos(angle(s, n));
+            let cubed = sin.max(0.0) * sin * sin;
+            let sixth = cubed * cubed;
+            let rho = 1.0 + f * sixth * sixth * sixth * sixth;
+            DVec3::new(a * rho * cos, b * rho * sin, x)
+        };
+        (0..n).map(corner).collect()
+    };
+    let upright = lofted(&(0..=2 * n).map(ring).collect::<Vec<Vec<DVec3>>>());
+    solid(upright.points().iter().map(|p| DVec3::new(p.z, p.x, p.y)).collect(), upright.faces().clone())
+}
+
+/// Half width, half height, and height of the fin over it, of [`dolphin`] at x.
+fn dolphin_section(x: f64) -> [f64; 3] {
+    // An elliptic head, which grows thin towards the tail, where the flukes are.
+    let head = (x / 1.05).min(1.0);
+    let body = 0.08 + 0.92 * (head * (2.0 - head)).sqrt();
+    let (tail, flukes) = (step(x, 1.2, 2.6), step(x, 2.55, 2.9));
+    let fin = step(x, 1.1, 1.5) * (1.0 - step(x, 1.5, 1.7));
+    [0.34 * body * (1.0 - 0.82 * tail) + 0.45 * flukes, 0.38 * body * (1.0 - 0.82 * tail) - 0.04 * flukes, 0.8 * fin]
+}
+
 /// 0 up to `from`, 1 from `to` on, and `t² (3 − 2t)` between.
 fn step(z: f64, from: f64, to: f64) -> f64 {
     let t = ((z - from) / (to - from)).clamp(0.0, 1.0);

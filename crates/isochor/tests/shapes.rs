@@ -4,8 +4,8 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 use isochor::shapes::{
-    bottle, chain, cube, cup, cylinder, eared_ball, embossed_box, hollow_bottle, hollow_sphere, icosphere, plate,
-    screwdriver, stone, uv_torus,
+    bottle, chain, cube, cup, cylinder, dolphin, eared_ball, embossed_box, hollow_bottle, hollow_sphere, icosphere,
+    plate, screwdriver, stone, uv_torus,
 };
 use isochor::{Mesh, OpenBoundaries, Role, Solid, roles, topology};
 
@@ -209,32 +209,63 @@ fn embossed_boxes_have_the_volume_of_the_box_and_of_their_bosses() {
     assert!((bounds.min + boss).length() < 1e-14 && (bounds.max - DVec3::new(2.0, 1.0, 0.8) - boss).length() < 1e-14);
 }
 
+/// The area within a ring of corners round the z-axis.
+fn ring_area(ring: &[DVec3]) -> f64 {
+    let next = ring.iter().cycle().skip(1);
+    ring.iter().zip(next).map(|(p, q)| p.x * q.y - q.x * p.y).sum::<f64>() / 2.0
+}
+
+/// The volume of a stack of rings of corners round the z-axis. Between two rings all edges are straight, so the section's area is
+/// quadratic in z, and Simpson's rule exact. Half way its corners are the middles of edges and of the diagonals that divide the quads.
+fn stack_volume(rings: &[&[DVec3]]) -> f64 {
+    let slab = |pair: &[&[DVec3]]| {
+        let [low, high] = [pair[0], pair[1]];
+        let next = |s: usize| (s + 1) % low.len();
+        let middles: Vec<DVec3> =
+            (0..low.len()).flat_map(|s| [high[s], high[next(s)]].map(|p| low[s].midpoint(p))).collect();
+        (high[0].z - low[0].z) / 6.0 * (ring_area(low) + 4.0 * ring_area(&middles) + ring_area(high))
+    };
+    rings.windows(2).map(slab).sum()
+}
+
+#[test]
+fn dolphins_are_stacks_of_prismatoids_and_tend_to_what_their_sections_hold() {
+    for n in [3, 8, 32, 96] {
+        let mesh = dolphin(n);
+        let volume = checked_volume(&mesh, n * (2 * n + 1) + 2, 2 * n * (n + 1), 1, 0);
+        let upright: Vec<DVec3> = mesh.points().iter().map(|p| DVec3::new(p.y, p.z, p.x)).collect();
+        assert_volume(volume, stack_volume(&upright[..n * (2 * n + 1)].chunks(n).collect::<Vec<_>>()));
+    }
+    // ∫ ρ²/2 dφ = π + 2 f J(24)/2 + f² J(48)/2 with J(m) = ∫₀^π sin^m = π (1·3·…·(m−1)) / (2·4·…·m), at the height of the fin.
+    let integral = |m: usize| PI * (1..=m / 2).map(|k| (2 * k - 1) as f64 / (2 * k) as f64).product::<f64>();
+    let n = 800;
+    let fin: Vec<DVec3> = dolphin(n).points()[n * n..n * (n + 1)].iter().map(|p| DVec3::new(p.y, p.z, p.x)).collect();
+    let [a, b] = [fin[0].x, -fin[3 * n / 4].y]; // φ = 0 and φ = 3π/2
+    let expected = a * b * (PI + 0.8 * integral(24) + 0.32 * integral(48));
+    assert_eq!(fin[0].z, 1.5);
+    assert!((ring_area(&fin) / expected - 1.0).abs() < 1e-4, "{} instead of {expected}", ring_area(&fin));
+}
+
+#[test]
+#[should_panic(expected = "a dolphin needs at least 3 segments, not 2")]
+fn a_flat_dolphin_is_refused() {
+    let _ = dolphin(2);
+}
+
 #[test]
 fn screwdrivers_are_stacks_of_prismatoids() {
-    let area = |ring: &[DVec3]| {
-        let next = ring.iter().cycle().skip(1);
-        ring.iter().zip(next).map(|(p, q)| p.x * q.y - q.x * p.y).sum::<f64>() / 2.0
-    };
     for n in [3, 7, 32, 96] {
         let mesh = screwdriver(n);
         let volume = checked_volume(&mesh, n * (2 * n + 1) + 2, 2 * n * (n + 1), 1, 0);
         let rings: Vec<&[DVec3]> = mesh.points()[..n * (2 * n + 1)].chunks(n).collect();
-        // Between two rings all edges are straight, so the section's area is quadratic in z, and Simpson's rule exact. Half way its corners are
-        // the middles of edges and of the diagonals that divide the quads.
-        let slab = |pair: &[&[DVec3]]| {
-            let [low, high] = [pair[0], pair[1]];
-            let middles: Vec<DVec3> =
-                (0..n).flat_map(|s| [high[s], high[(s + 1) % n]].map(|p| low[s].midpoint(p))).collect();
-            (high[0].z - low[0].z) / 6.0 * (area(low) + 4.0 * area(&middles) + area(high))
-        };
-        assert_volume(volume, rings.windows(2).map(slab).sum());
+        assert_volume(volume, stack_volume(&rings));
         if n < 32 {
             continue; // flutes are finer
         }
         let ring = |z: f64| rings[(z / 3.0 * (2 * n) as f64).round() as usize];
         let fluted = 1.0 + 0.08 * 0.08 / 2.0 * (16.0 * PI / n as f64).cos();
         for (z, a, b, flutes) in [(0.0, 0.16, 0.025, 1.0), (1.0, 0.08, 0.08, 1.0), (2.5, 0.3, 0.3, fluted)] {
-            assert_volume(area(ring(z)), polygon_area(n) * a * b * flutes);
+            assert_volume(ring_area(ring(z)), polygon_area(n) * a * b * flutes);
         }
         assert_eq!((ring(0.0)[0].z, ring(3.0)[0].z), (0.0, 3.0));
     }
