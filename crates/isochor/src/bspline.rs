@@ -20,7 +20,7 @@ pub enum BasisError {
     #[error("the degree is 0: it must be at least 1")]
     DegreeZero,
     /// Too few control points for the degree.
-    #[error("{size} control points are too few for degree {degree}: at least {} are needed", .degree + 1)]
+    #[error("{size} control points are too few for degree {degree}: at least {} are needed", .degree.saturating_add(1))]
     TooFewControls {
         /// Number of control points.
         size: usize,
@@ -109,7 +109,7 @@ impl Basis {
     /// Degree 0; too few knots; knots that decrease, are not finite, or repeat more than `degree` times inside; another
     /// domain.
     pub fn with_knots(knots: Vec<f64>, degree: usize) -> Result<Self, BasisError> {
-        let size = knots.len().saturating_sub(degree + 1);
+        let size = knots.len().saturating_sub(degree.saturating_add(1));
         check_size(size, degree)?;
         let descends = |i: &usize| !knots[*i].is_finite() || (*i > 0 && knots[*i] < knots[*i - 1]);
         if let Some(index) = (0..knots.len()).find(descends) {

@@ -81,3 +81,14 @@ pub(crate) fn optional_vectors<'de, D: Deserializer<'de>, const N: usize>(
     let rows: Option<[Exact<f64, 3>; N]> = optional_array(from)?;
     Ok(rows.map(|rows| rows.map(DVec3::from)))
 }
+
+/// For `deserialize_with`: rows of vectors [x, y, z], of any lengths, or none; with `default`.
+pub(crate) fn optional_rows<'de, D: Deserializer<'de>>(from: D) -> Result<Option<Vec<Vec<DVec3>>>, D::Error> {
+    let rows: Option<Vec<Vec<Exact<f64, 3>>>> = Option::deserialize(from)?;
+    Ok(rows.map(|rows| rows.into_iter().map(|row| row.into_iter().map(DVec3::from).collect()).collect()))
+}
+
+/// For `deserialize_with`: vectors [x, y, z].
+pub(crate) fn list<'de, D: Deserializer<'de>>(from: D) -> Result<Vec<DVec3>, D::Error> {
+    Ok(Vec::<Exact<f64, 3>>::deserialize(from)?.into_iter().map(DVec3::from).collect())
+}

@@ -138,6 +138,7 @@ mod stretch;
 mod subdivide;
 mod surface;
 mod surface_mesh;
+mod surface_request;
 mod sweep;
 pub mod tolerances;
 mod topology;
@@ -198,6 +199,10 @@ pub use simplify::coarse_triangles;
 pub use stretch::{CellStretch, FlattenReport, SheetError};
 pub use subdivide::{PointKind, SubdivideError, SubdivideOptions, Subdivision, subdivide};
 pub use surface::{Jet, Surface, SurfaceError};
+pub use surface_request::{
+    FlattenKind, FrameRequest, ProfileRequest, SplineRequest, SurfaceKind, SurfaceRequest, SurfaceRequestError,
+    ThroughRequest,
+};
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 pub use wrap::{Feet, Laid, Wrap, WrapError, WrapFolds};

@@ -10,7 +10,7 @@ use crate::bspline::Basis;
 use crate::homogeneous::Homogeneous;
 use crate::interpolation::{Interpolation, Smoothness};
 use crate::pieces::Pieces;
-use crate::surface::{Jet, SurfaceError};
+use crate::surface::{Jet, SurfaceError, size as side};
 use crate::tolerances;
 
 /// Basis functions of one parameter that fit the stack. Larger: every evaluation clears more memory; smaller: more degrees need the heap.
@@ -82,6 +82,31 @@ impl Patch {
         controls.chunks_exact_mut(m).for_each(|row| over_t.solve(row, 1));
         (0..m).for_each(|j| over_s.solve(&mut controls[j..], m));
         Self::new([over_s.into_basis(), over_t.into_basis()], controls, None)
+    }
+
+    /// The height field through `heights` (`counts[0]` × `counts[1]`, those of one i after the other), i at x = `size[0]` i / (`counts[0]` − 1), j
+    /// likewise along y; normals point upwards.
+    ///
+    /// # Errors
+    ///
+    /// Sides that are not positive; otherwise as [`Patch::through`].
+    pub fn over_rectangle(
+        size: [f64; 2],
+        counts: [usize; 2],
+        heights: &[f64],
+        smoothness: Smoothness,
+    ) -> Result<Self, SurfaceError> {
+        let [width, depth] =
+            [side("the rectangle's side along x", size[0])?, side("the rectangle's side along y", size[1])?];
+        let [n, m] = counts;
+        // No smaller than 1, so that a single row, an error of the bases, has coordinates.
+        let at = |i: usize, count: usize| i as f64 / count.saturating_sub(1).max(1) as f64;
+        let point = |(k, height): (usize, &f64)| {
+            let (i, j) = (k / m.max(1), k % m.max(1));
+            DVec3::new(width * at(i, n), depth * at(j, m), *height)
+        };
+        let points: Vec<DVec3> = heights.iter().enumerate().map(point).collect();
+        Self::through(counts, &points, smoothness)
     }
 
     /// Bases along s and t.
