@@ -61,7 +61,8 @@ pub fn each(
     progress.begin("read");
     let document = first.model.document(first.output_format)?;
     let (source, lattice) = (first.model.source(&document), lattice(&first)?);
-    let input = JobInput { mesh: document.mesh(), source: &source, lattice: lattice.as_ref() };
+    let input =
+        JobInput { mesh: document.mesh(), source: &source, lattice: lattice.as_ref(), surface: surface.as_ref() };
     let examination = Examination::of(input.mesh, &source);
     for number in 0..requests.frames() {
         progress.begin("frames");

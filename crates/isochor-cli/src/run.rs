@@ -56,7 +56,8 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     let lattice = lattice(request)?;
     watch.lap("read");
 
-    let input = JobInput { mesh: document.mesh(), source: &source, lattice: lattice.as_ref() };
+    let input =
+        JobInput { mesh: document.mesh(), source: &source, lattice: lattice.as_ref(), surface: surface.as_ref() };
     let mut outcome = request.job.run(&input, &mut |stage| progress.begin(stage.name()))?;
 
     let mut writing = Stopwatch::start();

@@ -23,8 +23,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let bend = format!("bend = {{ axis = 'z', towards = 'x', degrees = {degrees} }}");
         let job = format!("[lattice]\nsize = [4, 4, 8]\n[[edit]]\n{bend}\n[preserve]\nvolume = '100%'");
         let job = Job::from_toml(&job)?;
-        let outcome =
-            job.run(&JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None }, &mut |_stage| {})?;
+        let outcome = job.run(
+            &JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None },
+            &mut |_stage| {},
+        )?;
         let course = outcome.course().ok_or("a bend deforms")?;
         let controls = outcome.controls.ok_or("a bend deforms")?;
         poses.push(ShownPose {

@@ -57,7 +57,7 @@ fn with_job<R>(mesh: &Mesh, f: impl FnOnce(&Show) -> R) -> R {
         [preserve]
         volume = '100%'
     ";
-    let input = JobInput { mesh, source: &Source::of(mesh), lattice: None };
+    let input = JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None };
     let outcome = Job::from_toml(job).unwrap().run(&input, &mut |_stage| {}).unwrap();
     let course = outcome.course();
     f(&Show::of_job(mesh, &outcome, course.as_ref()))

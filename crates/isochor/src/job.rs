@@ -12,6 +12,7 @@ use glam::DVec3;
 use crate::edit::{Axis, Edit};
 use crate::lattice::Outside;
 use crate::select::Selector;
+use crate::surface_request::SurfaceRequest;
 use crate::volume::OpenBoundaries;
 
 /// One request: model, deformer, edits, what to preserve, output.
@@ -34,6 +35,8 @@ pub struct Job {
     pub precision: Precision,
     /// Whether the result has the same bits on every processor, not only for every number of threads.
     pub portable_bits: bool,
+    /// A surface to lay the model along, before anything else. A lattice then lies round what comes of that.
+    pub surface: Option<SurfaceRequest>,
     /// The lattice. Without it, edits act on the default lattice.
     pub lattice: Option<LatticeRequest>,
     /// Edits of the control points, in order.
@@ -299,6 +302,8 @@ pub enum MethodKind {
     Gradient,
     /// One direction after the other.
     Axes,
+    /// A common factor of all heights over a surface.
+    Height,
 }
 
 /// What a correction keeps small.

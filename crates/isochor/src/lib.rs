@@ -59,7 +59,7 @@
 //!
 //! let mesh = shapes::cube(4);
 //! let job = Job::from_toml("[[edit]]\ntwist = { axis = 'z', degrees = 90 }\n[preserve]\nvolume = '110%'").unwrap();
-//! let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None };
+//! let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
 //! let outcome = job.run(&input, &mut |_stage| {}).unwrap();
 //! assert!((outcome.report.volume.unwrap().overall.corrected - 1.1).abs() < 1e-13);
 //! # }
@@ -70,6 +70,7 @@
 //! - `rayon` (default): threads. Results have the same bits without it.
 //! - `serde`: jobs as TOML and JSON, reports as JSON.
 
+mod along;
 mod arc;
 mod arc_length;
 mod axes;
@@ -98,6 +99,7 @@ mod geodesic;
 mod goals;
 mod gradient;
 mod health;
+mod height_scale;
 mod homogeneous;
 mod interpolation;
 mod job;
@@ -105,6 +107,7 @@ mod job;
 mod job_text;
 mod lattice;
 mod locality;
+mod locate;
 mod mesh;
 mod metric;
 mod nearest;
@@ -113,6 +116,7 @@ mod outcome;
 mod parallel;
 mod patch;
 mod pieces;
+mod placement;
 mod points;
 mod posed;
 mod preview;
@@ -143,7 +147,9 @@ mod triangles;
 mod triangulation;
 mod unroll;
 mod volume;
+mod wrap;
 
+pub use along::{AlongError, SheetDrawing};
 pub use binding::{Binding, BoundVertices, displaced};
 pub use bspline::{Basis, BasisError, MAX_SIZE};
 pub use built_in::{BuiltIn, ShapeName, ShapeNameError};
@@ -164,6 +170,7 @@ pub use flatten::{
 pub use geodesic::Geodesic;
 pub use goals::{Components, VolumeGoal};
 pub use health::{ComponentHealth, Health, Source, Verdict};
+pub use height_scale::{HeightScale, HeightScaleError, scaled_heights};
 pub use interpolation::Smoothness;
 pub use job::{
     Amount, AxisKnots, AxisLetters, BasisKind, ColorBy, Directions, Falloff, Fit, Folds, Job, KnotRule, Knots,
@@ -174,15 +181,18 @@ pub use job::{
 pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use locality::{LocalityOptions, local_mobility, volume_loss};
+pub use locate::LocateError;
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice, Stage};
 pub use patch::Patch;
+pub use placement::{Beyond, Height, HeightWord, Placed, Placement, PlacementError, SheetFit};
 pub use points::{PointError, PointTarget, least_displacement};
 pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use preview::Preview;
 pub use refinement::Refinement;
 pub use report::{
-    CorrectionReport, FilmReport, FrameReport, PartRow, Report, Stopwatch, Timings, VolumeReport, VolumeRow,
+    CorrectionReport, FilmReport, FrameReport, PartRow, Report, Stopwatch, SurfaceReport, Timings, VolumeReport,
+    VolumeRow,
 };
 pub use select::{ControlSpace, SelectError, Selector};
 pub use sensitivity::{Cause, Effect, Sensitivity};
@@ -193,11 +203,12 @@ pub use stretch::{CellStretch, FlattenReport, SheetError};
 pub use subdivide::{SubdivideError, Subdivision, SubdivisionPoint, subdivide};
 pub use surface::{Jet, Surface, SurfaceError};
 pub use surface_request::{
-    FlattenKind, FrameRequest, ProfileRequest, SplineRequest, SurfaceKind, SurfaceRequest, SurfaceRequestError,
-    ThroughRequest,
+    FlattenKind, FrameRequest, ProfileRequest, Refine, RefineWord, SplineRequest, SurfaceFolds, SurfaceKind,
+    SurfaceRequest, SurfaceRequestError, ThroughRequest,
 };
 pub use topology::{Topology, UnbalancedEdge, topology};
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
+pub use wrap::{Feet, Laid, Wrap, WrapError, WrapFolds};
 
 /// The examples of the documentation are tests.
 #[cfg(all(doctest, feature = "serde"))]

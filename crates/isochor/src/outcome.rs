@@ -7,14 +7,16 @@ use std::sync::Arc;
 
 use glam::{DMat3, DVec3};
 
+use crate::along::{Along, AlongError, SheetDrawing};
 use crate::binding::{Binding, BoundVertices, displaced, translated};
 use crate::body::{Body, Wish};
 use crate::bspline::{Basis, BasisError};
 use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, Wanted, correct_last};
 use crate::edit::{Edit, EditError};
 use crate::energy::Energy;
-use crate::goals::VolumeGoal;
+use crate::goals::{Components, VolumeGoal};
 use crate::health::{Health, Source};
+use crate::height_scale::{HeightScaleError, scaled_heights};
 use crate::job::{
     AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, LatticeRequest, MethodKind, MobilityKind,
     Objective, PointRequest, Preserve, VolumeTarget,
@@ -25,11 +27,15 @@ use crate::mesh::{Bounds, Mesh};
 use crate::parallel;
 use crate::points::PointTarget;
 use crate::preview::Preview;
+use crate::refinement::Refinement;
 use crate::report::{CorrectionReport, Report, Stopwatch};
 use crate::select::{ControlSpace, SelectError};
+use crate::surface::Surface;
+use crate::surface_request::{SurfaceFolds, SurfaceRequest, SurfaceRequestError};
 use crate::tolerances;
 use crate::topology::topology;
-use crate::volume::{OpenBoundaries, SolidError, Volumes, opening};
+use crate::volume::{OpenBoundaries, Solid, SolidError, Volumes, opening};
+use crate::wrap::WrapError;
 
 /// A lattice with a pose, as files hold it: model coordinates.
 #[derive(Clone, Debug, PartialEq)]
@@ -53,6 +59,8 @@ pub struct JobInput<'a> {
     pub source: &'a Source,
     /// The lattice of [`LatticeRequest::file`], where the job names one.
     pub lattice: Option<&'a PosedLattice>,
+    /// The surface of [`SurfaceRequest::file`](crate::SurfaceRequest::file), where the job names one.
+    pub surface: Option<&'a Surface>,
 }
 
 /// What a job finds out about its model before anything else.
@@ -120,6 +128,7 @@ pub struct Outcome {
     /// The body, where the model bounds one.
     body: Option<Arc<Body>>,
     deformation: Option<Deformation>,
+    along: Option<Along>,
 }
 
 /// A lattice deformation, relative to the job's origin.
@@ -157,6 +166,15 @@ pub enum JobError {
     /// The lattice cannot be made, or vertices are outside.
     #[error(transparent)]
     Lattice(#[from] LatticeError),
+    /// The surface cannot be made.
+    #[error(transparent)]
+    Surface(#[from] SurfaceRequestError),
+    /// The model cannot be laid along the surface.
+    #[error(transparent)]
+    Along(#[from] AlongError),
+    /// Heights over the surface cannot restore the volume.
+    #[error(transparent)]
+    Heights(#[from] HeightScaleError),
     /// An edit is impossible.
     #[error("edit {}: {source}", .index + 1)]
     Edit {
@@ -295,6 +313,7 @@ impl JobError {
     pub fn is_unreachable(&self) -> bool {
         match self {
             Self::Edit { source, .. } => source.is_unreachable(),
+            Self::Along(error) => error.is_unreachable(),
             _ => matches!(
                 self,
                 Self::Correct(CorrectError::Impossible { .. } | CorrectError::Energy { .. })
@@ -305,6 +324,7 @@ impl JobError {
                     | Self::NotConverged { .. }
                     | Self::Dragged { .. }
                     | Self::Local(_)
+                    | Self::Heights(_)
             ),
         }
     }
@@ -315,6 +335,11 @@ impl JobError {
         match self {
             Self::Lattice(LatticeError::Outside { .. }) => "outside",
             Self::Lattice(_) => "lattice",
+            Self::Surface(_) => "surface",
+            Self::Along(AlongError::Wrap(WrapError::Beyond { .. })) => "outside",
+            Self::Along(AlongError::Wrap(WrapError::Folded(_))) => "folds",
+            Self::Along(_) => "surface",
+            Self::Heights(_) => "impossible",
             Self::Edit { source, .. } if source.is_unreachable() => "impossible",
             Self::Edit { .. } => "edit",
             Self::Pin(_) => "pin",
@@ -341,6 +366,9 @@ impl JobError {
         match self {
             Self::Lattice(LatticeError::Outside { .. }) => "lattice.outside".into(),
             Self::Lattice(_) => "lattice".into(),
+            Self::Surface(_) => "surface".into(),
+            Self::Along(error) => error.place().into(),
+            Self::Heights(_) => "preserve.method".into(),
             Self::Edit { index, .. } | Self::Dragged { index, .. } => format!("edit[{index}]"),
             Self::Pin(_) => "preserve.pin".into(),
             Self::Solid(SolidError::Open { .. }) => "preserve.open".into(),
@@ -374,6 +402,9 @@ impl JobError {
                 "enlarge the lattice (margin), or choose outside = \"keep\" or \"extend\""
             }
             Self::Lattice(_) => "change the size, degree, knots or frame of the lattice",
+            Self::Surface(_) => "correct the named key; the docs page of surfaces lists the keys of each kind",
+            Self::Along(error) => error.hint(),
+            Self::Heights(_) => "choose method = \"nearest\", which lays a lattice round the model, or another volume",
             Self::Edit { source, .. } if source.is_unreachable() => {
                 "choose other targets or more nodes, or a lattice that holds the vertex"
             }
@@ -448,6 +479,9 @@ impl Job {
         mut watch: Stopwatch,
         on_stage: &mut dyn FnMut(Stage),
     ) -> Result<Outcome, JobError> {
+        if let Some(request) = &self.surface {
+            return self.run_along(request, examination, input, watch, on_stage);
+        }
         let mesh = input.mesh;
         let Examination { opening, health, body } = examination;
         let mut warnings = health.warnings.clone();
@@ -460,12 +494,20 @@ impl Job {
             timings_ms: watch.timings(),
             peak_memory: None,
             warnings,
+            surface: None,
         };
         if self.changes_nothing() {
             let body = body.ok();
             let volume = body.as_ref().map(|body| body.rows(&body.rest, &body.rest, &[]));
             let report = report(volume, CorrectionReport::not_asked(), warnings, watch);
-            return Ok(Outcome { points: mesh.points().to_vec(), controls: None, report, body, deformation: None });
+            return Ok(Outcome {
+                points: mesh.points().to_vec(),
+                controls: None,
+                report,
+                body,
+                deformation: None,
+                along: None,
+            });
         }
 
         on_stage(Stage::Bind);
@@ -607,7 +649,132 @@ impl Job {
                 origin,
                 rest_controls: controls.rest,
             }),
+            along: None,
         })
+    }
+
+    /// Runs a job whose model goes along a surface first.
+    fn run_along(
+        &self,
+        request: &SurfaceRequest,
+        examination: Examination,
+        input: &JobInput,
+        mut watch: Stopwatch,
+        on_stage: &mut dyn FnMut(Stage),
+    ) -> Result<Outcome, JobError> {
+        if input.mesh.points().is_empty() {
+            return Err(JobError::Value {
+                key: "model",
+                problem: "has no vertices, so there is nothing to deform".into(),
+            });
+        }
+        if let (Some(path), None) = (&request.file, input.surface) {
+            let problem = format!("names {}, which was not loaded", path.display());
+            return Err(JobError::Value { key: "surface.file", problem });
+        }
+        on_stage(Stage::Bind);
+        let surface = request.surface(input.surface.cloned())?;
+        let mut along = Along::new(request, &surface, input.mesh, &mut watch, on_stage)?;
+        let laid = Arc::clone(&along.posed);
+        let Examination { health, opening, body } = examination;
+        let body = body.map(|_| {
+            let topology = topology(&along.placed);
+            let solid = Solid::new(&along.placed, &topology, OpenBoundaries::Cap)?;
+            let rest = solid.volumes(along.placed.points());
+            Ok::<_, SolidError>(Arc::new(Body::new(solid, rest, &health.roles)))
+        });
+        let body = body.and_then(|body| body);
+        if !self.is_by_height() {
+            // A lattice round the laid model does the rest.
+            let mesh = along.placed.with_points(laid.points.clone()).map_err(AlongError::from)?;
+            let inner = Self { surface: None, ..self.clone() };
+            let examination = Examination { health, opening, body };
+            let mut outcome = inner.run_after(examination, &JobInput { mesh: &mesh, ..*input }, watch, on_stage)?;
+            outcome.report.warnings.extend(along.warnings());
+            outcome.report.surface = Some(along.report.clone());
+            outcome.along = Some(along);
+            return Ok(outcome);
+        }
+
+        on_stage(Stage::Correct);
+        let mut warnings = health.warnings.clone();
+        let (volume, correction, kept);
+        let mut points = laid.points.clone();
+        if self.preserve.volume == VolumeTarget::Free {
+            kept = body.ok();
+            volume = kept.as_ref().map(|body| {
+                let posed = body.solid.volumes(&points);
+                body.rows(&posed, &posed, &[])
+            });
+            correction = CorrectionReport::not_asked();
+        } else {
+            let body = body?;
+            if let (OpenBoundaries::Refuse, Some(opening)) = (self.preserve.open, opening) {
+                return Err(opening.into());
+            }
+            if body.solid.encloses_nothing(along.placed.points(), body.rest.total) {
+                return Err(JobError::NoVolume { volume: body.rest.total });
+            }
+            let posed = body.solid.volumes(&points);
+            let wishes = body.wishes(&self.preserve.volume, &posed, &mut warnings)?;
+            let [Wish { goal: VolumeGoal { components: Components::All, volume: wanted }, .. }] = &wishes[..] else {
+                let problem = "\"height\" scales all heights alike, so it meets one volume of the whole model; choose \"nearest\" for several";
+                return Err(JobError::Value { key: "preserve.method", problem: problem.into() });
+            };
+            let scaled = scaled_heights(&body.solid, &along.feet.feet, &along.feet.offsets, *wanted)?;
+            // Where the volume was right nothing moves by a rounding.
+            if scaled.scale != 1.0 {
+                points.clone_from(&scaled.vertices);
+            }
+            let extent = along.placed.bounds().map_or(0.0, |bounds| bounds.extent());
+            correction = CorrectionReport::of_heights(&laid.points, &points, extent);
+            along.scaled(scaled.scale, points.clone()).map_err(AlongError::from)?;
+            if let (SurfaceFolds::Refuse, Some(folds)) = (request.folds, along.report.folds) {
+                return Err(AlongError::Wrap(WrapError::Folded(folds)).into());
+            }
+            let end = body.solid.volumes(&points);
+            let goals: Vec<VolumeGoal> = wishes.iter().map(|wish| wish.goal.clone()).collect();
+            volume = Some(body.rows(&posed, &end, &goals));
+            kept = Some(body);
+        }
+        watch.lap(Stage::Correct.name());
+        warnings.extend(along.warnings());
+        let report = Report {
+            version: env!("CARGO_PKG_VERSION").into(),
+            model: health,
+            volume,
+            correction,
+            surface: Some(along.report.clone()),
+            folds: "off".into(),
+            timings_ms: watch.timings(),
+            peak_memory: None,
+            warnings,
+        };
+        Ok(Outcome { points, controls: None, report, body: kept, deformation: None, along: Some(along) })
+    }
+
+    /// Whether a model along a surface gets its volume by its heights: unless a lattice is asked for in one way or another.
+    fn is_by_height(&self) -> bool {
+        let Preserve { volume, method, axes, shares, objective, pin, mobility, falloff, points, preview, .. } =
+            &self.preserve;
+        match method {
+            Some(method) => *method == MethodKind::Height || (*volume == VolumeTarget::Free && !self.has_lattice()),
+            None => {
+                !self.has_lattice()
+                    && axes.is_none()
+                    && shares.is_none()
+                    && *objective == Objective::default()
+                    && pin.is_none()
+                    && *mobility == MobilityKind::default()
+                    && falloff.is_none()
+                    && points.is_empty()
+                    && preview.is_none()
+            }
+        }
+    }
+
+    fn has_lattice(&self) -> bool {
+        self.lattice.is_some() || !self.edit.is_empty()
     }
 
     /// Whether nothing is to be deformed and nothing asked of the volume.
@@ -648,6 +815,11 @@ impl Job {
             }
             MethodKind::Nearest => Method::Nearest,
             MethodKind::Gradient => Method::Gradient,
+            MethodKind::Height => {
+                let problem =
+                    "is \"height\", which is for models along a surface: add [surface], or choose another".into();
+                return Err(JobError::Value { key: "preserve.method", problem });
+            }
         };
         let contradicts = |problem: &str| Err(JobError::Value { key: "preserve.method", problem: problem.into() });
         match axes {
@@ -723,28 +895,54 @@ impl Job {
 }
 
 impl Outcome {
+    /// The model at rest with the vertices and faces of the result, where these were divided along a surface.
+    #[must_use]
+    pub fn divided(&self) -> Option<(&Mesh, &Refinement)> {
+        let along = self.along.as_ref()?;
+        Some((&along.rest, along.refinement.as_ref()?))
+    }
+
+    /// The flattened sheet and the model on it, of a job along a surface.
+    #[must_use]
+    pub fn sheet(&self) -> Option<SheetDrawing<'_>> {
+        self.along.as_ref().map(Along::drawing)
+    }
+
     /// Jacobian matrices ∂(deformed)/∂(rest) at each vertex (#vertices), which carry normals. `None` where the job
     /// deformed nothing.
     #[must_use]
     pub fn jacobians(&self) -> Option<Vec<DMat3>> {
-        let d = self.deformation.as_ref()?;
-        Some(d.lattice.jacobians(&d.rest_points, &d.displacement, d.outside))
+        self.jacobians_of(|d| &d.displacement)
+    }
+
+    /// Those with some displacement of a lattice's controls, after what was done along a surface.
+    fn jacobians_of(&self, displacement: impl Fn(&Deformation) -> &[DVec3]) -> Option<Vec<DMat3>> {
+        let lattice =
+            self.deformation.as_ref().map(|d| d.lattice.jacobians(&d.rest_points, displacement(d), d.outside));
+        let along = self.along.as_ref().map(Along::jacobians);
+        match (lattice, along) {
+            (Some(lattice), Some(along)) => Some(lattice.iter().zip(&along).map(|(l, a)| *l * *a).collect()),
+            (one, other) => one.or(other),
+        }
     }
 
     /// The model between rest and result. `None` where the job deformed nothing.
     #[must_use]
     pub fn course(&self) -> Option<Course> {
-        let d = self.deformation.as_ref()?;
-        let determinants = |displacement: &[DVec3]| {
-            let jacobians = d.lattice.jacobians(&d.rest_points, displacement, d.outside);
-            jacobians.iter().map(DMat3::determinant).collect()
+        let determinants = |jacobians: Vec<DMat3>| jacobians.iter().map(DMat3::determinant).collect::<Vec<f64>>();
+        let corrected_change = determinants(self.jacobians()?);
+        let Some(d) = &self.deformation else {
+            let along = self.along.as_ref()?;
+            let posed = along.posed.points.clone();
+            let posed_change = determinants(along.posed_jacobians());
+            return Some(Course { posed, posed_controls: Vec::new(), posed_change, corrected_change });
         };
         let binding = d.lattice.bind(&d.rest_points, d.outside).ok()?; // it was bound before
         Some(Course {
             posed: translated(&binding.displaced(&d.rest_points, &d.posed), d.origin),
             posed_controls: translated(&displaced(&d.rest_controls, &d.posed), d.origin),
-            posed_change: determinants(&d.posed),
-            corrected_change: determinants(&d.displacement),
+            posed_change: determinants(self.jacobians_of(|d| &d.posed)?),
+            corrected_change,
         })
     }
 

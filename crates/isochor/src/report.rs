@@ -4,6 +4,8 @@ use glam::DVec3;
 
 use crate::correct::{Correction, Method, Status};
 use crate::health::Health;
+use crate::stretch::FlattenReport;
+use crate::wrap::WrapFolds;
 
 /// The report of one job.
 #[derive(Clone, Debug, PartialEq)]
@@ -17,6 +19,9 @@ pub struct Report {
     pub volume: Option<VolumeReport>,
     /// What the correction did.
     pub correction: CorrectionReport,
+    /// What became of the surface that the model was laid along; absent in other jobs.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub surface: Option<SurfaceReport>,
     /// Whether foldings were looked for: "off".
     pub folds: String,
     /// How long each stage took, in the order in which they ran.
@@ -26,6 +31,28 @@ pub struct Report {
     pub peak_memory: Option<u64>,
     /// What the user should know, one sentence each.
     pub warnings: Vec<String>,
+}
+
+/// How a model was laid along a surface.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct SurfaceReport {
+    /// Cells of the flattened grid along s and t.
+    pub cells: [usize; 2],
+    /// Grid steps over which lengths were kept.
+    pub reach: usize,
+    /// The factor with which the model was placed.
+    pub scale: f64,
+    /// Vertices added on edges.
+    pub edge_points: usize,
+    /// Vertices added within faces.
+    pub face_points: usize,
+    /// Where the model folds; absent where it does not.
+    pub folds: Option<WrapFolds>,
+    /// The factor of all heights that restored the volume, with the method "height".
+    pub height_scale: Option<f64>,
+    /// How well the surface was flattened.
+    pub flattening: FlattenReport,
 }
 
 /// The report of a film: of one job for each of its frames.
@@ -121,7 +148,7 @@ impl VolumeRow {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct CorrectionReport {
-    /// "nearest", "gradient", "axes", or "none" where the volume was free.
+    /// "nearest", "gradient", "axes", "height", or "none" where the volume was free.
     pub method: String,
     /// What was kept small: "controls", "surface", "edges", "bending", or "none" where the volume was free.
     pub objective: String,
@@ -149,11 +176,35 @@ impl CorrectionReport {
         Self { method: "none".into(), objective: "none".into(), status: "not-asked".into(), ..Self::default() }
     }
 
-    /// Of a correction of the posed vertices `before` (#vertices × 3), less its objective.
-    pub(crate) fn of(correction: &Correction, method: &Method, before: &[DVec3], extent: f64) -> Self {
-        let squared = || before.iter().zip(&correction.vertices).map(|(a, b)| a.distance_squared(*b));
+    /// Of heights that were scaled from the vertices `before` to `after` (each #vertices × 3).
+    pub(crate) fn of_heights(before: &[DVec3], after: &[DVec3], extent: f64) -> Self {
+        let is_met = before == after;
+        Self {
+            method: "height".into(),
+            objective: "none".into(),
+            status: if is_met { "already-met" } else { "exact" }.into(),
+            iterations: usize::from(!is_met),
+            ..Self::default()
+        }
+        .moved(before, after, extent)
+    }
+
+    /// With the lengths of the ways from `before` to `after`.
+    fn moved(self, before: &[DVec3], after: &[DVec3], extent: f64) -> Self {
+        let squared = || before.iter().zip(after).map(|(a, b)| a.distance_squared(*b));
         let max_displacement = squared().fold(0.0, f64::max).sqrt();
         let rms_displacement = (squared().sum::<f64>() / before.len() as f64).sqrt();
+        Self {
+            max_displacement,
+            max_displacement_relative: max_displacement / extent,
+            rms_displacement,
+            rms_displacement_relative: rms_displacement / extent,
+            ..self
+        }
+    }
+
+    /// Of a correction of the posed vertices `before` (#vertices × 3), less its objective.
+    pub(crate) fn of(correction: &Correction, method: &Method, before: &[DVec3], extent: f64) -> Self {
         let method = match method {
             Method::Gradient => "gradient",
             Method::Nearest => "nearest",
@@ -172,11 +223,9 @@ impl CorrectionReport {
             iterations: correction.steps,
             residual: correction.residual,
             point_error: correction.point_error,
-            max_displacement,
-            max_displacement_relative: max_displacement / extent,
-            rms_displacement,
-            rms_displacement_relative: rms_displacement / extent,
+            ..Self::default()
         }
+        .moved(before, &correction.vertices, extent)
     }
 }
 

@@ -8,6 +8,7 @@ use crate::bspline::Basis;
 use crate::curve::Curve;
 use crate::interpolation::Smoothness;
 use crate::patch::Patch;
+use crate::placement::Placement;
 use crate::surface::{Surface, SurfaceError};
 
 /// Cells of the flattening grid along s and t where a request says nothing. More: finer sheets, but more time; fewer: coarse ones.
@@ -92,6 +93,56 @@ pub struct SurfaceRequest {
     pub reach: Option<usize>,
     /// How the grid is flattened.
     pub flatten: FlattenKind,
+    /// Where the model lies on the flattened sheet.
+    pub place: Placement,
+    /// Where the model's faces are divided.
+    pub refine: Refine,
+    /// What happens where the model folds.
+    pub folds: SurfaceFolds,
+    /// Where the surface goes as a mesh to look at, if anywhere.
+    pub save: Option<PathBuf>,
+    /// Where the picture of the flattened sheet with the model's points goes (`.svg`), if anywhere.
+    pub sheet: Option<PathBuf>,
+}
+
+/// Where a model's faces are divided.
+#[derive(Clone, Copy, Debug, PartialEq)]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Deserialize),
+    serde(untagged, expecting = "`refine` must be a curvature in 1/extent, such as 0.05, or \"off\"")
+)]
+pub enum Refine {
+    /// Where the surface's normal curvature is more than this, in 1 over the extent of the placed model: CO's ε.
+    Above(f64),
+    /// As a word.
+    Word(RefineWord),
+}
+
+/// A word for how a model is divided.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum RefineWord {
+    /// Not at all.
+    Off,
+}
+
+impl Default for Refine {
+    /// Above 0.05: a face as long as the model that is straight where it should rise by more than half a percent of its length.
+    fn default() -> Self {
+        Self::Above(0.05)
+    }
+}
+
+/// What happens where a model along a surface folds.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
+pub enum SurfaceFolds {
+    /// It is said in the report.
+    #[default]
+    Report,
+    /// It is an error.
+    Refuse,
 }
 
 /// Kind of a surface.
@@ -128,9 +179,10 @@ pub enum SurfaceKind {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 #[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(rename_all = "lowercase"))]
 pub enum FlattenKind {
-    /// Stress majorisation.
+    /// Steps that learn how the stress curves.
     #[default]
-    Majorisation,
+    #[cfg_attr(feature = "serde", serde(rename = "quasi-newton"))]
+    QuasiNewton,
     /// The paper's descent.
     Descent,
 }

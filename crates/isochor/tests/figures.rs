@@ -59,7 +59,7 @@ impl Panel {
     }
 
     fn run(&self, job: &Job) -> Outcome {
-        let input = JobInput { mesh: &self.mesh, source: &Source::of(&self.mesh), lattice: None };
+        let input = JobInput { mesh: &self.mesh, source: &Source::of(&self.mesh), lattice: None, surface: None };
         job.run_examined(&self.examination, &input, &mut |_| {}).unwrap()
     }
 

@@ -227,7 +227,9 @@ mod jobs {
             "lattice = {{ size = [4, 4, 8] }}\npreserve = {{ {preserve} }}\n[[edit]]\n\
              scale = {{ by = [0.5, 0.5, 1], nodes = {{ k = [6, 7] }} }}"
         );
-        Job::from_toml(&job).unwrap().run(&JobInput { mesh, source: &Source::of(mesh), lattice: None }, &mut |_| {})
+        Job::from_toml(&job)
+            .unwrap()
+            .run(&JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None }, &mut |_| {})
     }
 
     fn bits(p: DVec3) -> [u64; 3] {
@@ -262,7 +264,7 @@ mod jobs {
         let mesh = cube(4);
         let source = Source::of(&mesh);
         let run = |toml: &str| {
-            let input = JobInput { mesh: &mesh, source: &source, lattice: None };
+            let input = JobInput { mesh: &mesh, source: &source, lattice: None, surface: None };
             Job::from_toml(toml).unwrap().run(&input, &mut |_| {}).unwrap().points
         };
         for volume in ["80%", "120%", "rest"] {

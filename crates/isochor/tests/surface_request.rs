@@ -70,7 +70,7 @@ fn places_and_sides() {
 #[test]
 fn flattening_has_defaults() {
     let default = request(r#"{"kind": "sphere", "radius": 1}"#).unwrap();
-    assert_eq!((default.cells(), default.steps(), default.flatten), ([32, 32], 3, FlattenKind::Majorisation));
+    assert_eq!((default.cells(), default.steps(), default.flatten), ([32, 32], 3, FlattenKind::QuasiNewton));
     let given =
         request(r#"{"kind": "sphere", "radius": 1, "grid": [4, 5], "reach": 1, "flatten": "descent"}"#).unwrap();
     assert_eq!((given.cells(), given.steps(), given.flatten), ([4, 5], 1, FlattenKind::Descent));
@@ -139,7 +139,7 @@ fn texts_that_are_no_request() {
         (r#"{"frame": {"z": [0, 0, 1]}}"#, "missing field `x`"),
         (r#"{"profile": [[0, 0]]}"#, "a profile is a list of points"),
         (r#"{"grid": [-1, 2]}"#, "-1"),
-        (r#"{"flatten": "majorization"}"#, "expected `majorisation` or `descent`"),
+        (r#"{"flatten": "quasi"}"#, "expected `quasi-newton` or `descent`"),
     ] {
         let error = request(text).unwrap_err();
         assert!(error.contains(words), "{text}: {error}");
