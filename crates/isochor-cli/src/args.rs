@@ -134,6 +134,7 @@ const DEFORM_EXAMPLES: &str = "Examples:
   isochor deform tank.stl -o larger.stl --lattice 8x8x4 --volume 110% --pin k=0
   isochor deform horse.ply -o bent.ply --bend x=60,z --save-controls bent.json --report bent-report.json
   isochor deform spot.obj -o spot-twisted.obj --twist y=60 --picture spot.png --up y --report spot.html
+  isochor deform shape:plate?n=1 -o arch.obj --surface cylinder:radius=0.5,height=2 --grid 24 --picture arch.png
   isochor deform --job twist.toml --lattice 10
 
 Edits act on the control points of the lattice in the order in which they are typed, after those of a job file.
@@ -186,6 +187,29 @@ pub struct DeformArgs {
     /// Draw pictures without the lattice.
     #[arg(long, help_heading = "Pictures")]
     pub no_lattice: bool,
+
+    /// Lay the model along a surface: cylinder:radius=1,height=2, other kinds with their keys, or a file of patches; patch.txt:patch=3 for
+    /// one of several.
+    #[arg(long, value_name = "KIND:KEYS|FILE", help_heading = "Surface")]
+    pub surface: Option<String>,
+    /// Where the model lies on the flattened sheet: at=[0.5,0.5],rotate=30,scale=1,height=0,up="z",fit="inside",outside="extend".
+    #[arg(long, value_name = "KEYS", help_heading = "Surface")]
+    pub place: Option<String>,
+    /// Cells of the flattened grid along both directions: 32x32, or one number.
+    #[arg(long, value_name = "NxN", help_heading = "Surface")]
+    pub grid: Option<String>,
+    /// Grid steps over which lengths are kept when the surface is flattened.
+    #[arg(long, value_name = "STEPS", help_heading = "Surface")]
+    pub reach: Option<usize>,
+    /// Divide faces where the surface curves by more than this, in 1/extent; or "off".
+    #[arg(long, value_name = "CURVATURE", help_heading = "Surface")]
+    pub refine: Option<String>,
+    /// Write the surface as a mesh, to look at it.
+    #[arg(long, value_name = "FILE", help_heading = "Surface")]
+    pub save_surface: Option<PathBuf>,
+    /// Draw the flattened sheet with the model's vertex, edge and face points to an .svg file.
+    #[arg(long, value_name = "FILE", help_heading = "Surface")]
+    pub sheet: Option<PathBuf>,
 
     /// Control points along the axes: 6x6x6, or one number for all.
     #[arg(long, value_name = "NxNxN", help_heading = "Lattice")]
@@ -347,6 +371,8 @@ pub enum MethodArg {
     Gradient,
     /// One direction after the other.
     Axes,
+    /// A common factor of all heights over a surface.
+    Height,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

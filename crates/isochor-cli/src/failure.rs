@@ -72,6 +72,11 @@ impl Failure {
         }
     }
 
+    /// A surface file that is none, or has no such patch.
+    pub fn surface_file(path: &std::path::Path, error: &ReadError) -> Self {
+        Self { code: "surface-file", ..Self::read(path, error) }
+    }
+
     /// A result that the output format cannot hold.
     pub fn write(path: &std::path::Path, error: &WriteError) -> Self {
         Self {

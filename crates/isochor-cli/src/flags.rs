@@ -2,8 +2,9 @@
 
 use glam::DVec3;
 use isochor::{
-    Axis, Bend, Drag, Edit, Factors, Falloff, LengthUnit, Move, Noise, PartTarget, PerAxis, PointRequest, Rotate,
-    RotationAxis, Scale, Selector, SignedAxis, Stretch, Taper, Twist,
+    Axis, Bend, Drag, Edit, Factors, Falloff, Job, LengthUnit, Move, Noise, PartTarget, PerAxis, Placement,
+    PointRequest, Refine, RefineWord, Rotate, RotationAxis, Scale, Selector, SignedAxis, Stretch, SurfaceRequest,
+    Taper, Twist,
 };
 
 use crate::failure::Failure;
@@ -198,4 +199,66 @@ pub fn part(text: &str) -> Result<PartTarget, Failure> {
         Some(PartTarget { components, volume: volume.parse().ok()? })
     };
     parsed().ok_or_else(|| refused("part", text, "0,2=110%"))
+}
+
+/// The surface of `cylinder:radius=1,height=2` or `teapot.txt:patch=3`, over what `job` says of flattening and placing.
+pub fn surface(text: &str, job: &mut Job) -> Result<(), Failure> {
+    let (name, keys) = text.split_once(':').filter(|(name, _)| name.len() > 1).unwrap_or((text, "")); // C: is a drive
+    let first = if name.contains(['.', '/', '\\']) { "file" } else { "kind" };
+    let separator = if keys.trim().is_empty() { "" } else { ", " };
+    let toml = format!("surface = {{ {first} = {}{separator}{keys} }}", toml_string(name));
+    let SurfaceRequest { grid, reach, flatten, place, refine, folds, save, sheet, .. } =
+        job.surface.take().unwrap_or_default();
+    let made = surface_section("surface", &toml)?;
+    let other = SurfaceRequest::default();
+    job.surface = Some(SurfaceRequest {
+        grid: made.grid.or(grid),
+        reach: made.reach.or(reach),
+        flatten: if made.flatten == other.flatten { flatten } else { made.flatten },
+        place: if made.place == other.place { place } else { made.place },
+        refine: if made.refine == other.refine { refine } else { made.refine },
+        folds: if made.folds == other.folds { folds } else { made.folds },
+        save: made.save.clone().or(save),
+        sheet: made.sheet.clone().or(sheet),
+        ..made
+    });
+    Ok(())
+}
+
+/// `at=[0.5,0.5],rotate=30`
+pub fn place(text: &str) -> Result<Placement, Failure> {
+    Ok(surface_section("place", &format!("surface = {{ place = {{ {text} }} }}"))?.place)
+}
+
+/// `0.05` or `off`
+pub fn refine(text: &str) -> Result<Refine, Failure> {
+    match text.trim() {
+        "off" => Ok(Refine::Word(RefineWord::Off)),
+        text => number(text).map(Refine::Above).ok_or_else(|| refused("refine", text, "0.05 or off")),
+    }
+}
+
+/// `32x32` or `32`
+pub fn grid(text: &str) -> Result<[usize; 2], Failure> {
+    let values: Option<Vec<usize>> = text.split('x').map(|n| n.trim().parse().ok()).collect();
+    match values.as_deref() {
+        Some([both]) => Ok([*both; 2]),
+        Some([s, t]) => Ok([*s, *t]),
+        _ => Err(refused("grid", text, "32x32")),
+    }
+}
+
+fn surface_section(flag: &str, toml: &str) -> Result<SurfaceRequest, Failure> {
+    let job = Job::from_toml(toml).map_err(|error| {
+        let hint = match &error.nearest {
+            Some(nearest) => format!("did you mean `{nearest}`?"),
+            None => "write keys and values as in a job file, with commas: radius=1,height=2".into(),
+        };
+        Failure::usage(format!("--{flag}"), error.what, hint)
+    })?;
+    Ok(job.surface.unwrap_or_default())
+}
+
+fn toml_string(text: &str) -> String {
+    format!("\"{}\"", text.replace('\\', "\\\\").replace('"', "\\\""))
 }

@@ -7,7 +7,7 @@ use crate::failure::Failure;
 use crate::files::Pending;
 use crate::pictures::FilmPictures;
 use crate::request::{Request, Requests};
-use crate::run::{json, lattice, write};
+use crate::run::{json, lattice, surface, write};
 use crate::terminal::{Progress, Terminal};
 
 /// What there is of a frame when it has been computed.
@@ -60,7 +60,7 @@ pub fn each(
     let first = requests.frame(0)?;
     progress.begin("read");
     let document = first.model.document(first.output_format)?;
-    let (source, lattice) = (first.model.source(&document), lattice(&first)?);
+    let (source, lattice, surface) = (first.model.source(&document), lattice(&first)?, surface(&first)?);
     let input =
         JobInput { mesh: document.mesh(), source: &source, lattice: lattice.as_ref(), surface: surface.as_ref() };
     let examination = Examination::of(input.mesh, &source);

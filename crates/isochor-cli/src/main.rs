@@ -22,6 +22,7 @@ mod pictures;
 mod plot;
 mod request;
 mod run;
+mod sheet_picture;
 mod stages;
 mod terminal;
 

@@ -91,7 +91,15 @@ impl FilmPictures {
     pub fn keep(&mut self, time: f64, request: &Request, mesh: &Mesh, outcome: &Outcome) -> Result<(), Failure> {
         let Some(path) = self.strip.as_ref().or(self.animation.as_ref()) else { return Ok(()) };
         check_vertices(path, self.frames, mesh.points().len())?;
-        self.faces.get_or_insert_with(|| mesh.faces().clone());
+        let faces = outcome.divided().map_or(mesh.faces(), |(mesh, _)| mesh.faces());
+        if self.faces.get_or_insert_with(|| faces.clone()) != faces {
+            let what = "the frames have different faces, since the model is divided otherwise in each";
+            return Err(Failure::file(
+                path,
+                what,
+                "write [surface] refine = \"off\", or [view] film = false and name no picture",
+            ));
+        }
         let change = match request.job.view.color {
             ColorBy::Volume => outcome.course().map(|course| course.corrected_change.into()),
             ColorBy::Steps => {

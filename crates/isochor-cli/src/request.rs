@@ -24,10 +24,15 @@ pub struct Request {
     pub output: PathBuf,
     pub output_format: Format,
     pub lattice_file: Option<PathBuf>,
+    pub surface_file: Option<PathBuf>,
     pub report: Option<PathBuf>,
     pub save_controls: Option<PathBuf>,
     pub picture: Option<PathBuf>,
     pub animation: Option<PathBuf>,
+    /// The surface as a mesh, and the format of that.
+    pub save_surface: Option<(PathBuf, Format)>,
+    /// The picture of the flattened sheet.
+    pub sheet: Option<PathBuf>,
 }
 
 /// What was asked for: a single request, or one for each frame.
@@ -86,7 +91,8 @@ impl<'a> Requests<'a> {
                 job.animation.get_or_insert_with(|| beside(output, "film"));
             }
             let name = |path: &mut PathBuf| *path = numbered(path, frame + 1, self.frames());
-            [&mut job.output, &mut job.save_controls].into_iter().flatten().for_each(name);
+            let of_surface = job.surface.iter_mut().flat_map(|surface| [&mut surface.save, &mut surface.sheet]);
+            [&mut job.output, &mut job.save_controls].into_iter().chain(of_surface).flatten().for_each(name);
         }
         Request::from_job(job, self.args.job.as_deref(), self.args.in_place)
     }
@@ -156,8 +162,28 @@ impl Request {
         let lattice_file = job.lattice.as_ref().and_then(|lattice| lattice.file.clone());
         let output_format = Format::from_path(&output).map_err(|error| Failure::read(&output, &error))?;
         let (picture, animation) = (job.picture.clone(), job.animation.clone());
-        let request =
-            Self { job, model, output, output_format, lattice_file, report, save_controls, picture, animation };
+        let surface_file = job.surface.as_ref().and_then(|surface| surface.file.clone());
+        let sheet = job.surface.as_ref().and_then(|surface| surface.sheet.clone());
+        let save_surface = job.surface.as_ref().and_then(|surface| surface.save.clone());
+        let format_of = |path: PathBuf| match Format::from_path(&path) {
+            Ok(format) => Ok((path, format)),
+            Err(error) => Err(Failure::read(&path, &error)),
+        };
+        let save_surface = save_surface.map(format_of).transpose()?;
+        let request = Self {
+            job,
+            model,
+            output,
+            output_format,
+            lattice_file,
+            surface_file,
+            report,
+            save_controls,
+            picture,
+            animation,
+            save_surface,
+            sheet,
+        };
         request.check_view()?;
         request.check_paths(job_file, in_place)?;
         Ok(request)
@@ -191,6 +217,7 @@ impl Request {
             ("save-controls", &self.save_controls, &["json"]),
             ("the picture", &self.picture, &["png"]),
             ("the animation", &self.animation, &["png"]),
+            ("the sheet", &self.sheet, &["svg"]),
         ];
         for (what, path, extensions) in outputs {
             let Some(path) = path else { continue };
@@ -207,8 +234,10 @@ impl Request {
         }
         taken.extend(job_file.map(|path| ("the job file", path)));
         taken.extend(self.lattice_file.as_deref().map(|path| ("the lattice file", path)));
+        taken.extend(self.surface_file.as_deref().map(|path| ("the surface file", path)));
         let written = [("the output", Some(self.output.as_path()).filter(|_| !in_place))]
             .into_iter()
+            .chain([("the surface", self.save_surface.as_ref().map(|(path, _)| path.as_path()))])
             .chain(outputs.map(|(what, path, _)| (what, path.as_deref())));
         for (what, path) in written {
             let Some(path) = path else { continue };
@@ -256,7 +285,9 @@ fn in_working_folder(mut job: Job, job_file: &Path) -> Job {
     }
     let lattice_file = job.lattice.as_mut().and_then(|lattice| lattice.file.as_mut());
     let outputs = [&mut job.output, &mut job.report, &mut job.save_controls, &mut job.picture, &mut job.animation];
-    let paths = outputs.map(Option::as_mut).into_iter().chain([lattice_file]);
+    let of_surface =
+        job.surface.iter_mut().flat_map(|surface| [&mut surface.file, &mut surface.save, &mut surface.sheet]);
+    let paths = outputs.map(Option::as_mut).into_iter().chain([lattice_file]).chain(of_surface.map(Option::as_mut));
     for path in paths.flatten() {
         *path = folder.join(&*path);
     }
@@ -288,6 +319,7 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
     }
     job.portable_bits |= args.portable_bits;
     apply_view_flags(job, args)?;
+    apply_surface_flags(job, args)?;
     apply_lattice_flags(job, args)?;
     for (flag, text) in &args.edits_in_order {
         job.edit.push(flags::edit(flag, text)?);
@@ -330,6 +362,7 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
         Some(MethodArg::Nearest) => preserve.method = Some(MethodKind::Nearest),
         Some(MethodArg::Gradient) => preserve.method = Some(MethodKind::Gradient),
         Some(MethodArg::Axes) => preserve.method = Some(MethodKind::Axes),
+        Some(MethodArg::Height) => preserve.method = Some(MethodKind::Height),
         None => {}
     }
     match args.objective {
@@ -391,6 +424,43 @@ fn apply_view_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
     if args.no_lattice {
         view.lattice = false;
     }
+    Ok(())
+}
+
+fn apply_surface_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
+    let DeformArgs { surface, place, grid, reach, refine, save_surface, sheet, .. } = args;
+    if let Some(text) = surface {
+        flags::surface(text, job)?;
+    }
+    let others = [
+        ("--place", place.is_some()),
+        ("--grid", grid.is_some()),
+        ("--reach", reach.is_some()),
+        ("--refine", refine.is_some()),
+        ("--save-surface", save_surface.is_some()),
+        ("--sheet", sheet.is_some()),
+    ];
+    let Some(request) = &mut job.surface else {
+        return match others.into_iter().find(|(_, given)| *given) {
+            Some((flag, _)) => {
+                let what = "there is no surface to lay the model along";
+                Err(Failure::usage(flag, what, "name one: --surface cylinder:radius=1,height=2"))
+            }
+            None => Ok(()),
+        };
+    };
+    if let Some(text) = place {
+        request.place = flags::place(text)?;
+    }
+    if let Some(text) = grid {
+        request.grid = Some(flags::grid(text)?);
+    }
+    request.reach = reach.or(request.reach);
+    if let Some(text) = refine {
+        request.refine = flags::refine(text)?;
+    }
+    request.save = save_surface.clone().or(request.save.take());
+    request.sheet = sheet.clone().or(request.sheet.take());
     Ok(())
 }
 

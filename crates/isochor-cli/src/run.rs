@@ -2,8 +2,10 @@
 
 use std::process::ExitCode;
 
-use isochor::{JobInput, Outcome, PosedLattice, Precision, Report, Stage, Stopwatch};
-use isochor_io::{Document, Format, NumberType, WriteOptions, Written, lattice_from_json, lattice_to_json};
+use isochor::{JobInput, Outcome, PosedLattice, Precision, Report, Stage, Stopwatch, Surface};
+use isochor_io::{
+    Document, Format, NumberType, WriteOptions, Written, lattice_from_json, lattice_to_json, patch_from_bytes,
+};
 use isochor_view::{Figure, Page, Show};
 
 use crate::args::{Cli, Command};
@@ -12,7 +14,7 @@ use crate::files::{self, Pending};
 use crate::model::Model;
 use crate::request::{Request, Requests, has_extension};
 use crate::terminal::Terminal;
-use crate::{bench, demo, frames, info, memory, pages, pictures};
+use crate::{bench, demo, frames, info, memory, pages, pictures, sheet_picture};
 
 /// Runs what was asked and says with which code to end.
 pub fn command(cli: Cli) -> ExitCode {
@@ -53,7 +55,7 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     progress.begin("read");
     let document = request.model.document(request.output_format)?;
     let source = request.model.source(&document);
-    let lattice = lattice(request)?;
+    let (lattice, surface) = (lattice(request)?, surface(request)?);
     watch.lap("read");
 
     let input =
@@ -68,7 +70,8 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     let page = request.report.as_ref().filter(|path| has_extension(path, "html"));
     let is_drawn = page.is_some() || request.picture.is_some();
     let course = is_drawn.then(|| outcome.course()).flatten();
-    let show = is_drawn.then(|| Show::of_job(document.mesh(), &outcome, course.as_ref()));
+    let rest = outcome.divided().map_or(document.mesh(), |(mesh, _)| mesh);
+    let show = is_drawn.then(|| Show::of_job(rest, &outcome, course.as_ref()));
     let drawn = show.as_ref().map(|show| {
         progress.begin("draw");
         let png = pictures::of_job(show, &request.job.view);
@@ -109,6 +112,13 @@ pub fn lattice(request: &Request) -> Result<Option<PosedLattice>, Failure> {
     lattice.map(Some).map_err(|error| Failure::lattice_file(path, &error))
 }
 
+/// The surface in the file that a request names, if it names one.
+pub fn surface(request: &Request) -> Result<Option<Surface>, Failure> {
+    let (Some(path), Some(surface)) = (&request.surface_file, &request.job.surface) else { return Ok(None) };
+    let patch = patch_from_bytes(&files::bytes(path)?, surface.patch);
+    patch.map(|patch| Some(Surface::from(patch))).map_err(|error| Failure::surface_file(path, &error))
+}
+
 /// Adds the files of an outcome to those that are pending, all but its report, and to its report what was written.
 pub fn write(
     request: &Request,
@@ -117,7 +127,7 @@ pub fn write(
     pending: &mut Pending,
 ) -> Result<(), Failure> {
     let jacobians = if document.has_normals() { outcome.jacobians() } else { None };
-    let (written, notes) = written(request, document, &outcome.points, jacobians.as_deref())?;
+    let (written, notes) = written(request, document, outcome, jacobians.as_deref())?;
     outcome.report.warnings.extend(notes);
     outcome.measure_written(&written.points);
     pending.add(&request.output, &written.bytes)?;
@@ -128,6 +138,18 @@ pub fn write(
         };
         pending.add(path, lattice_to_json(controls).as_bytes())?;
     }
+    let Some(drawing) = outcome.sheet() else { return Ok(()) };
+    if let Some((path, format)) = &request.save_surface {
+        let sheet = drawing.sheet();
+        let failed = |error: isochor_io::WriteError| Failure::write(path, &error);
+        let mesh = sheet.surface().mesh(sheet.cells());
+        let mesh = mesh.map_err(|error| failed(isochor_io::WriteError::Document(error.to_string())))?;
+        let number = if *format == Format::Stl { NumberType::F32 } else { NumberType::F64 };
+        pending.add(path, Document::from_mesh(&mesh, *format, number).map_err(failed)?.bytes())?;
+    }
+    if let Some(path) = &request.sheet {
+        pending.add(path, sheet_picture::svg(&drawing, path)?.as_bytes())?;
+    }
     Ok(())
 }
 
@@ -135,13 +157,19 @@ pub fn write(
 fn written(
     request: &Request,
     document: &Document,
-    points: &[glam::DVec3],
+    outcome: &Outcome,
     jacobians: Option<&[glam::DMat3]>,
 ) -> Result<(Written, Vec<String>), Failure> {
+    let (points, divided) = (&outcome.points[..], outcome.divided());
     let failed = |error| Failure::write(&request.output, &error);
     let precision = request.job.precision;
     if request.output_format == document.format() {
-        let written = document.with_points(points, &WriteOptions { precision, jacobians }).map_err(failed)?;
+        let options = WriteOptions { precision, jacobians };
+        let written = match divided {
+            Some((_, refinement)) => document.refined(points, refinement, &options),
+            None => document.with_points(points, &options),
+        };
+        let written = written.map_err(failed)?;
         let notes = written.warnings.clone();
         return Ok((written, notes));
     }
@@ -150,8 +178,8 @@ fn written(
         _ if request.output_format == Format::Stl && precision == Precision::File => NumberType::F32,
         _ => NumberType::F64,
     };
-    let mesh = document
-        .mesh()
+    let mesh = divided
+        .map_or(document.mesh(), |(mesh, _)| mesh)
         .with_points(points.to_vec())
         .map_err(|error| Failure::write(&request.output, &isochor_io::WriteError::Document(error.to_string())))?;
     let new = Document::from_mesh(&mesh, request.output_format, number).map_err(failed)?;

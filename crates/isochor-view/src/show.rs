@@ -51,10 +51,13 @@ impl<'a> Show<'a> {
             volume_change: None,
         };
         let mut show = Self { faces: mesh.faces(), poses: vec![rest] };
-        let (Some(course), Some(controls)) = (course, &outcome.controls) else { return show };
-        let size = controls.lattice.size();
-        let lattice = |controls: &'a [DVec3]| Some(ShownLattice { size, controls: controls.into() });
-        show.poses[0].lattice = lattice(&controls.rest);
+        let Some(course) = course else { return show };
+        let controls = outcome.controls.as_ref();
+        let lattice = |positions: &'a [DVec3]| {
+            controls.map(|c| ShownLattice { size: c.lattice.size(), controls: positions.into() })
+        };
+        // A lattice round a model that went along a surface was never at rest with it.
+        show.poses[0].lattice = controls.filter(|_| outcome.sheet().is_none()).and_then(|c| lattice(&c.rest));
         show.poses.push(ShownPose {
             name: "deformed".into(),
             points: (&course.posed[..]).into(),
@@ -66,7 +69,7 @@ impl<'a> Show<'a> {
             show.poses.push(ShownPose {
                 name: "corrected".into(),
                 points: (&outcome.points[..]).into(),
-                lattice: lattice(&controls.posed),
+                lattice: controls.and_then(|c| lattice(&c.posed)),
                 volume: row.map(|row| row.corrected),
                 volume_change: Some((&course.corrected_change[..]).into()),
             });
