@@ -1,8 +1,8 @@
 //! The patch format of M. Newell's tea set.
 //!
-//! The number of patches; for each of them a line with the 16 numbers, from 1, of its control points; the number of points; for each of
-//! them a line with its coordinates. Commas or blanks separate numbers. The patches are bicubic Bézier patches; the points of a row of four
-//! go along s, the rows along t.
+//! The number of patches; for each of them a line with the 16 numbers, from 1, of its control points; the number of
+//! points; for each of them a line with its coordinates. Commas or blanks separate numbers. The patches are bicubic
+//! Bézier patches; the points of a row of four go along s, the rows along t.
 
 use glam::DVec3;
 use isochor::{Basis, Patch};

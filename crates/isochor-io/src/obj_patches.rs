@@ -1,8 +1,8 @@
 //! Free-form surfaces of Wavefront OBJ.
 //!
-//! Read: `v` with weights, `cstype` (`bezier`, `bspline`, with `rat`), `deg`, `surf`, `parm`, `end`. The control points of a `surf`
-//! run along u first; u becomes s and v becomes t, each with the domain [0, 1]. Curves and connections are passed over. Other bases and
-//! trimmed surfaces are errors: what is left of them would be another surface.
+//! Read: `v` with weights, `cstype` (`bezier`, `bspline`, with `rat`), `deg`, `surf`, `parm`, `end`. The control points
+//! of a `surf` run along u first; u becomes s and v becomes t, each with the domain [0, 1]. Curves and connections are
+//! passed over. Other bases and trimmed surfaces are errors: what is left of them would be another surface.
 
 use std::ops::Range;
 
@@ -52,8 +52,8 @@ struct Reader<'a> {
 ///
 /// # Errors
 ///
-/// Statements that are incomplete or unsupported, vertices that do not exist, numbers that do not fit together, surfaces without area,
-/// with their lines; a file without free-form surfaces.
+/// Statements that are incomplete or unsupported, vertices that do not exist, numbers that do not fit together,
+/// surfaces without area, with their lines; a file without free-form surfaces.
 pub fn patches_from_obj(bytes: &[u8]) -> Result<Vec<Patch>, ReadError> {
     if let Some(offset) = bytes.iter().position(|b| *b == 0) {
         let error = ReadError::new("a NUL byte: the file is binary data, not OBJ text").at(Place::Byte(offset));

@@ -6,8 +6,8 @@
 //!   "controls": [[[0, 0, 0], …], …], "weights": [[1, …], …] }
 //! ```
 //!
-//! Control points are nested `[i][j] = [x, y, z]`, i along s. `knots` may be left out: 0 and 1 repeated degree + 1 times, equidistant between.
-//! `weights`, `[i][j]`, may be left out: 1 everywhere.
+//! Control points are nested `[i][j] = [x, y, z]`, i along s. `knots` may be left out: 0 and 1 repeated degree + 1
+//! times, equidistant between. `weights`, `[i][j]`, may be left out: 1 everywhere.
 
 use glam::DVec3;
 use isochor::{Basis, Patch};
@@ -41,8 +41,8 @@ const VERSION: u32 = 1;
 ///
 /// # Errors
 ///
-/// Text that is not JSON of this form (with its line); knots, degrees, control points and weights that do not fit together or make no
-/// [`Patch`].
+/// Text that is not JSON of this form (with its line); knots, degrees, control points and weights that do not fit
+/// together or make no [`Patch`].
 pub fn patch_from_json(text: &str) -> Result<Patch, ReadError> {
     let file: PatchFile = serde_json::from_str(text).map_err(|error| {
         // The text of the error ends with its place.

@@ -1,7 +1,7 @@
 //! A range of angles about an axis, in degrees.
 //!
-//! Whole turns and quarters are exact: angles are reduced to (−45°, 45°] before they become radians, so that a full circle ends with the
-//! bits with which it begins, and the sine of 180° is 0.
+//! Whole turns and quarters are exact: angles are reduced to (−45°, 45°] before they become radians, so that a full
+//! circle ends with the bits with which it begins, and the sine of 180° is 0.
 
 use crate::surface::SurfaceError;
 

@@ -1,22 +1,25 @@
 //! Lengths of curves: `σ(u) = ∫₀ᵘ |Q C′(v)| dv`, Q the projection along a direction.
 //!
-//! Where |Q C′| is smooth, Gauss quadrature with n nodes converges like `ρ^(−2n)`. Every polynomial piece is halved until one rule over
-//! a part and one over each of its halves agree; then a rule over the beginning of a part is as good, and gives σ anywhere. Near a cusp |Q C′|
-//! is not smooth; parts shrink towards it until what they hold of the length does not count.
+//! Where |Q C′| is smooth, Gauss quadrature with n nodes converges like `ρ^(−2n)`. Every polynomial piece is halved
+//! until one rule over a part and one over each of its halves agree; then a rule over the beginning of a part is as
+//! good, and gives σ anywhere. Near a cusp |Q C′| is not smooth; parts shrink towards it until what they hold of the
+//! length does not count.
 
 use glam::DVec3;
 
 use crate::curve::Curve;
 
-/// Nodes of a rule. More: fewer parts, but each value of σ takes as many evaluations of the curve; fewer: many more parts.
+/// Nodes of a rule. More: fewer parts, but each value of σ takes as many evaluations of the curve; fewer: many more
+/// parts.
 const NODES: usize = 16;
 
-/// A part is fine where its rule and those of its halves, which are better by many digits, agree to this fraction of the length, or of
-/// the extent if that is larger. Larger: lengths have fewer digits; smaller: rounding is halved for ever.
+/// A part is fine where its rule and those of its halves, which are better by many digits, agree to this fraction of
+/// the length, or of the extent if that is larger. Larger: lengths have fewer digits; smaller: rounding is halved for
+/// ever.
 const AGREE: f64 = 2e-14;
 
-/// Halvings of a piece at most: near a cusp the parts then are 1e-12 of it, and hold 1e-24 of its length. More: nothing is gained;
-/// fewer: cusps show.
+/// Halvings of a piece at most: near a cusp the parts then are 1e-12 of it, and hold 1e-24 of its length. More: nothing
+/// is gained; fewer: cusps show.
 const HALVINGS: u32 = 40;
 
 /// A curve's lengths, tabulated.
@@ -91,8 +94,9 @@ impl ArcLength {
     }
 }
 
-/// Gauss's rule on [0, 1]: the zeros of the Legendre polynomial of degree [`NODES`], by Newton's method from Tricomi's estimate, and its weights
-/// `1 / ((1 − x²) P′(x)²)` (M. Abramowitz, I. Stegun, *Handbook of Mathematical Functions*, 1964, 25.4.29, for an interval of length 1).
+/// Gauss's rule on [0, 1]: the zeros of the Legendre polynomial of degree [`NODES`], by Newton's method from Tricomi's
+/// estimate, and its weights `1 / ((1 − x²) P′(x)²)` (M. Abramowitz, I. Stegun, *Handbook of Mathematical Functions*,
+/// 1964, 25.4.29, for an interval of length 1).
 fn gauss_legendre() -> [[f64; 2]; NODES] {
     let n = NODES as f64;
     // P and P′ at x by the recurrence k P_k = (2 k − 1) x P_(k−1) − (k − 1) P_(k−2).

@@ -1,8 +1,8 @@
 //! Cylinders and cones about the z axis, and their developments.
 //!
-//! `S(s, t) = r (cos θ, sin θ, 0) + t h e_z` with the radius `r = R₀ + t (R₁ − R₀)` and θ = θ₀ + s Δθ. With the slant height
-//! `ℓ = √(h² + (R₁ − R₀)²)`, `k = (R₁ − R₀)/ℓ` and the angle ψ from the middle, unrolling keeps distances from the apex, which are r/|k|, and turns
-//! ψ to k ψ. From the middle of the base that is
+//! `S(s, t) = r (cos θ, sin θ, 0) + t h e_z` with the radius `r = R₀ + t (R₁ − R₀)` and θ = θ₀ + s Δθ. With the slant
+//! height `ℓ = √(h² + (R₁ − R₀)²)`, `k = (R₁ − R₀)/ℓ` and the angle ψ from the middle, unrolling keeps distances from
+//! the apex, which are r/|k|, and turns ψ to k ψ. From the middle of the base that is
 //!
 //! ```text
 //! D = (r ψ sinc(k ψ),  t ℓ − r ψ sin(k ψ/2) sinc(k ψ/2)),   sinc x = sin x / x
@@ -87,8 +87,8 @@ impl Cone {
         DVec2::new(r * psi * sinc(k * psi), t * slant - r * psi * libm::sin(half) * sinc(half))
     }
 
-    /// Whether the straight line between two developed points, given by their parameters, stays in the sheet: it does not on the way round the
-    /// apex, nor where it comes nearer to it than both ends and the narrower rim.
+    /// Whether the straight line between two developed points, given by their parameters, stays in the sheet: it does
+    /// not on the way round the apex, nor where it comes nearer to it than both ends and the narrower rim.
     pub(crate) fn sees(&self, a: DVec2, b: DVec2) -> bool {
         let (k, _) = self.slope();
         let angle = (k * (b.x - a.x) * self.arc.rate()).abs();
@@ -98,7 +98,8 @@ impl Cone {
         if angle >= std::f64::consts::PI {
             return false;
         }
-        // Distances from the apex times |k| are radii: the line's nearest point is its foot, if that is between the ends.
+        // Distances from the apex times |k| are radii: the line's nearest point is its foot, if that is between the
+        // ends.
         let [ra, rb] = [self.radius(a.y), self.radius(b.y)];
         let (sin, cos) = libm::sincos(angle);
         let length = (ra * ra + rb * rb - 2.0 * ra * rb * cos).sqrt();

@@ -1,21 +1,21 @@
 //! Curvatures of a surface from its derivatives.
 //!
-//! In the orthonormal basis `e₁ = S_s/|S_s|`, `e₂ = n × e₁` of the tangent plane the second fundamental form is the symmetric matrix
-//! ((a, b), (b, c)) with, for E, F, G and L, M, N the coefficients of both forms and D = EG − F²,
+//! In the orthonormal basis `e₁ = S_s/|S_s|`, `e₂ = n × e₁` of the tangent plane the second fundamental form is the
+//! symmetric matrix ((a, b), (b, c)) with, for E, F, G and L, M, N the coefficients of both forms and D = EG − F²,
 //!
 //! ```text
 //! a = L/E,   b = (M − F L/E)/√D,   c = (N − 2 F M/E + F² L/E²) E/D
 //! ```
 //!
-//! Its eigenvalues are the principal curvatures (M. do Carmo, *Differential Geometry of Curves and Surfaces*, section 3.3). No difference of
-//! squares `H² − K` is taken, which would lose half the digits near umbilics.
+//! Its eigenvalues are the principal curvatures (M. do Carmo, *Differential Geometry of Curves and Surfaces*, section
+//! 3.3). No difference of squares `H² − K` is taken, which would lose half the digits near umbilics.
 
 use glam::DVec3;
 
 use crate::surface::Jet;
 
-/// Curvatures of a surface at a point. Positive where the surface bends towards the normal: a sphere of radius R whose normals
-/// point outwards has −1/R everywhere.
+/// Curvatures of a surface at a point. Positive where the surface bends towards the normal: a sphere of radius R whose
+/// normals point outwards has −1/R everywhere.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Curvature {
     /// Their product K, 1/length².
@@ -24,8 +24,8 @@ pub struct Curvature {
     pub mean: f64,
     /// The larger and the smaller principal curvature, 1/length.
     pub principal: [f64; 2],
-    /// Unit tangents along which the surface bends so; with the normal they are right-handed. Where both curvatures are the same, those
-    /// of S_s and across it.
+    /// Unit tangents along which the surface bends so; with the normal they are right-handed. Where both curvatures are
+    /// the same, those of S_s and across it.
     pub directions: [DVec3; 2],
 }
 

@@ -1,7 +1,7 @@
 //! Curves in space: Bézier, B-spline and NURBS curves of any degree, and polylines, which have degree 1.
 //!
-//! `C(u) = Σ_i ω_i P_i B_i(u) / Σ_i ω_i B_i(u)` (L. Piegl, W. Tiller, *The NURBS Book*, 1997, (4.1) and (4.8)): the profiles of surfaces of
-//! revolution and of extrusions.
+//! `C(u) = Σ_i ω_i P_i B_i(u) / Σ_i ω_i B_i(u)` (L. Piegl, W. Tiller, *The NURBS Book*, 1997, (4.1) and (4.8)): the
+//! profiles of surfaces of revolution and of extrusions.
 
 use glam::{DVec3, DVec4};
 
@@ -43,7 +43,8 @@ impl Curve {
     ///
     /// # Errors
     ///
-    /// Counts that disagree; coordinates that are not finite; weights that are not positive; control points that are all one.
+    /// Counts that disagree; coordinates that are not finite; weights that are not positive; control points that are
+    /// all one.
     pub fn new(basis: Basis, controls: Vec<DVec3>, weights: Option<Vec<f64>>) -> Result<Self, SurfaceError> {
         if controls.len() != basis.size() {
             let (found, expected) = (controls.len(), basis.size());
@@ -61,7 +62,8 @@ impl Curve {
     ///
     /// # Errors
     ///
-    /// Fewer than two points or more than [`MAX_SIZE`](crate::MAX_SIZE); neighbours at one place; coordinates that are not finite.
+    /// Fewer than two points or more than [`MAX_SIZE`](crate::MAX_SIZE); neighbours at one place; coordinates that are
+    /// not finite.
     pub fn polyline(points: Vec<DVec3>) -> Result<Self, SurfaceError> {
         // Checks the coordinates, and that there are points.
         Homogeneous::new(&points, None)?;
@@ -81,8 +83,8 @@ impl Curve {
         Self::new(basis, points, None)
     }
 
-    /// The twice continuously differentiable curve through `points` at the parameters i / (n − 1): cubic, of degree n − 1 where there
-    /// are n < 4.
+    /// The twice continuously differentiable curve through `points` at the parameters i / (n − 1): cubic, of degree n −
+    /// 1 where there are n < 4.
     ///
     /// # Errors
     ///

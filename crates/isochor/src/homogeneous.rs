@@ -1,7 +1,8 @@
 //! Weighted control points as points of space of one more dimension.
 //!
-//! A rational curve or surface is `A/w`, A and w polynomials of the parameters: with control points P and weights ω, of `(ω (P − o), ω)`. The
-//! origin o is lossless near the points ([`Bounds::lossless_origin`]), so derivatives of surfaces far away keep their digits.
+//! A rational curve or surface is `A/w`, A and w polynomials of the parameters: with control points P and weights ω, of
+//! `(ω (P − o), ω)`. The origin o is lossless near the points ([`Bounds::lossless_origin`]), so derivatives of surfaces
+//! far away keep their digits.
 //!
 //! Source: L. Piegl, W. Tiller, *The NURBS Book* (1997), sections 1.4, 4.3 and 4.5.
 

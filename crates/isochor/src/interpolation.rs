@@ -1,8 +1,9 @@
 //! Splines through given values at equidistant parameters.
 //!
-//! Cubic ones are twice continuously differentiable, with de Boor's *not-a-knot* ends: there is no knot at the second value and at the last but one, so
-//! that cubic polynomials come back (C. de Boor, *A Practical Guide to Splines*, 1978, chapters IV and XIII). The control points C solve
-//! `Σ_j B_j(u_i) C_j = P_i`. That matrix is banded and totally positive: elimination without pivoting is stable (de Boor, Pinkus 1977).
+//! Cubic ones are twice continuously differentiable, with de Boor's *not-a-knot* ends: there is no knot at the second
+//! value and at the last but one, so that cubic polynomials come back (C. de Boor, *A Practical Guide to Splines*,
+//! 1978, chapters IV and XIII). The control points C solve `Σ_j B_j(u_i) C_j = P_i`. That matrix is banded and totally
+//! positive: elimination without pivoting is stable (de Boor, Pinkus 1977).
 
 use glam::DVec3;
 

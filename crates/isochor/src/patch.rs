@@ -1,8 +1,8 @@
 //! Tensor-product patches: Bézier, B-spline and NURBS surfaces of any degrees.
 //!
-//! `S(s, t) = Σ_ij ω_ij P_ij B_i(s) B_j(t) / Σ_ij ω_ij B_i(s) B_j(t)` and its derivatives, for bases B on any knots (L. Piegl, W. Tiller,
-//! *The NURBS Book*, 1997, (4.11) and (4.20)); the bases' Bézier coefficients are tabulated once, so that an evaluation divides little and,
-//! up to degree [`ROW`] − 1, asks for no memory.
+//! `S(s, t) = Σ_ij ω_ij P_ij B_i(s) B_j(t) / Σ_ij ω_ij B_i(s) B_j(t)` and its derivatives, for bases B on any knots (L.
+//! Piegl, W. Tiller, *The NURBS Book*, 1997, (4.11) and (4.20)); the bases' Bézier coefficients are tabulated once, so
+//! that an evaluation divides little and, up to degree [`ROW`] − 1, asks for no memory.
 
 use glam::{DVec3, DVec4};
 
@@ -13,7 +13,8 @@ use crate::pieces::Pieces;
 use crate::surface::{Jet, SurfaceError, size as side};
 use crate::tolerances;
 
-/// Basis functions of one parameter that fit the stack. Larger: every evaluation clears more memory; smaller: more degrees need the heap.
+/// Basis functions of one parameter that fit the stack. Larger: every evaluation clears more memory; smaller: more
+/// degrees need the heap.
 const ROW: usize = 10;
 
 /// A patch: control points, weights and two bases.
@@ -36,8 +37,8 @@ struct Third {
 }
 
 impl Patch {
-    /// The patch of `controls` (n × m, those of one i after the other: P_ij is `controls[i · m + j]`) for bases of n and m functions along s
-    /// and t, with as many `weights`, all 1 where there are none.
+    /// The patch of `controls` (n × m, those of one i after the other: P_ij is `controls[i · m + j]`) for bases of n
+    /// and m functions along s and t, with as many `weights`, all 1 where there are none.
     ///
     /// # Errors
     ///
@@ -58,8 +59,8 @@ impl Patch {
         Ok(patch)
     }
 
-    /// The patch through `points` (`size[0]` × `size[1]`, those of one i after the other), which are met at the parameters
-    /// (i / (size[0] − 1), j / (size[1] − 1)).
+    /// The patch through `points` (`size[0]` × `size[1]`, those of one i after the other), which are met at the
+    /// parameters (i / (size[0] − 1), j / (size[1] − 1)).
     ///
     /// # Errors
     ///
@@ -84,8 +85,8 @@ impl Patch {
         Self::new([over_s.into_basis(), over_t.into_basis()], controls, None)
     }
 
-    /// The height field through `heights` (`counts[0]` × `counts[1]`, those of one i after the other), i at x = `size[0]` i / (`counts[0]` − 1), j
-    /// likewise along y; normals point upwards.
+    /// The height field through `heights` (`counts[0]` × `counts[1]`, those of one i after the other), i at x =
+    /// `size[0]` i / (`counts[0]` − 1), j likewise along y; normals point upwards.
     ///
     /// # Errors
     ///
@@ -230,8 +231,8 @@ impl Patch {
         !is_point && sites.iter().all(|x| at(0.0, *x).distance(at(1.0, *x)) <= near)
     }
 
-    /// Whether a border is one point, and the normal there. Near the pole t = 0 is `S_s ≈ t S_st`, so the normal towards it along s is that of
-    /// `S_st × S_t`; likewise at the other borders.
+    /// Whether a border is one point, and the normal there. Near the pole t = 0 is `S_s ≈ t S_st`, so the normal
+    /// towards it along s is that of `S_st × S_t`; likewise at the other borders.
     fn pole_at(&self, border: usize) -> Option<Option<DVec3>> {
         let (axis, end) = (border / 2, (border % 2) as f64);
         let sites = sites(&self.bases[1 - axis]);
@@ -275,7 +276,8 @@ fn beyond(jet: &Jet, third: &Third, ds: f64, dt: f64) -> Jet {
     }
 }
 
-/// Parameters in every span of a basis, 2 (degree + 1) of them and both ends: more than polynomials of twice the degree have zeros.
+/// Parameters in every span of a basis, 2 (degree + 1) of them and both ends: more than polynomials of twice the degree
+/// have zeros.
 pub(crate) fn sites(basis: &Basis) -> Vec<f64> {
     let mut breaks = basis.knots()[basis.degree()..=basis.size()].to_vec();
     breaks.dedup();

@@ -41,7 +41,8 @@ impl Revolution {
         }
         let pole = |t: f64, inward: f64| {
             is_on_axis(t).then(|| {
-                // With the profile leaving the axis along e, S_s × S_t goes with (axis × e) × e at t = 0, and against it at t = 1.
+                // With the profile leaving the axis along e, S_s × S_t goes with (axis × e) × e at t = 0, and against
+                // it at t = 1.
                 let tangent = surface.profile.jet(t).first.try_normalize()?;
                 (tangent.dot(axis).abs() <= tolerances::POLE).then_some(-inward * axis)
             })

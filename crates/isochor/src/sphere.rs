@@ -1,6 +1,7 @@
 //! Spheres about the origin, and their geodesics: great circles.
 //!
-//! `S(s, t) = R (cos φ cos θ, cos φ sin θ, sin φ)`: s goes with the longitude θ, t with the latitude φ from south to north.
+//! `S(s, t) = R (cos φ cos θ, cos φ sin θ, sin φ)`: s goes with the longitude θ, t with the latitude φ from south to
+//! north.
 
 use glam::{DVec2, DVec3};
 
@@ -53,7 +54,8 @@ impl Sphere {
         }
     }
 
-    /// Outwards, also at the poles. Beyond a pole the formula comes down on the other side, and S_s × S_t points inwards.
+    /// Outwards, also at the poles. Beyond a pole the formula comes down on the other side, and S_s × S_t points
+    /// inwards.
     pub(crate) fn normal(&self, t: f64, jet: &Jet) -> DVec3 {
         let outward = jet.point / self.radius;
         if self.latitude(t).abs() > 90.0 { -outward } else { outward }
@@ -68,7 +70,8 @@ impl Sphere {
         self.latitudes.map(|latitude| latitude.abs() == 90.0)
     }
 
-    /// The length of the great circle's shorter arc between the points of two parameters, where that stays in the sheet.
+    /// The length of the great circle's shorter arc between the points of two parameters, where that stays in the
+    /// sheet.
     pub(crate) fn geodesic(&self, a: DVec2, b: DVec2) -> Option<f64> {
         let [p, q] = [a, b].map(|at| self.jet(at.x, at.y).point / self.radius);
         let across = p.cross(q);

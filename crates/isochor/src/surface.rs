@@ -1,10 +1,11 @@
 //! Parametric surfaces `S(s, t)` to deform along, over (s, t) ∈ [0, 1]².
 //!
-//! A surface gives its value with first and second derivatives ([`Jet`]); normals and curvatures follow from these. The kinds with formulas
-//! of their own (cylinders, cones, spheres, tori) stand about the z axis, and [`Surface::placed`] puts any kind anywhere.
+//! A surface gives its value with first and second derivatives ([`Jet`]); normals and curvatures follow from these. The
+//! kinds with formulas of their own (cylinders, cones, spheres, tori) stand about the z axis, and [`Surface::placed`]
+//! puts any kind anywhere.
 //!
-//! Where two opposite borders are the same curve there is a seam ([`Surface::closes`]); the sheet is cut there. A border that is one point
-//! is a pole ([`Surface::poles`]).
+//! Where two opposite borders are the same curve there is a seam ([`Surface::closes`]); the sheet is cut there. A
+//! border that is one point is a pole ([`Surface::poles`]).
 
 use glam::{DMat3, DVec2, DVec3};
 
@@ -39,8 +40,8 @@ pub struct Jet {
 }
 
 impl Jet {
-    /// The unit normal `S_s × S_t / |S_s × S_t|`; none where that is nothing. At a pole, where S_s is nothing but rounding, ask
-    /// [`Surface::normal`].
+    /// The unit normal `S_s × S_t / |S_s × S_t|`; none where that is nothing. At a pole, where S_s is nothing but
+    /// rounding, ask [`Surface::normal`].
     #[must_use]
     pub fn normal(&self) -> Option<DVec3> {
         self.s.cross(self.t).try_normalize()
@@ -239,8 +240,8 @@ impl Surface {
         Self::cylinder_part(radius, height, FULL).unwrap_or_else(|error| panic!("{error}"))
     }
 
-    /// A cylinder about the z axis, its base in the plane z = 0: s goes round from `angles[0]` to `angles[1]` (degrees from the
-    /// positive x axis towards y), t goes up; normals point outwards.
+    /// A cylinder about the z axis, its base in the plane z = 0: s goes round from `angles[0]` to `angles[1]` (degrees
+    /// from the positive x axis towards y), t goes up; normals point outwards.
     ///
     /// # Errors
     ///
@@ -249,7 +250,8 @@ impl Surface {
         Cone::cylinder(radius, height, angles).map(Kind::Cone).map(Self::new)
     }
 
-    /// As [`Surface::cylinder_part`] with the radius `radii[0]` at the base and `radii[1]` at the top; one of them may be 0.
+    /// As [`Surface::cylinder_part`] with the radius `radii[0]` at the base and `radii[1]` at the top; one of them may
+    /// be 0.
     ///
     /// # Errors
     ///
@@ -258,8 +260,9 @@ impl Surface {
         Cone::new(radii, height, angles).map(Kind::Cone).map(Self::new)
     }
 
-    /// A sphere about the origin: s goes round from `angles[0]` to `angles[1]` (degrees from the positive x axis towards y), t goes up
-    /// from the latitude `latitudes[0]` to `latitudes[1]` (degrees, −90 to 90); normals point outwards.
+    /// A sphere about the origin: s goes round from `angles[0]` to `angles[1]` (degrees from the positive x axis
+    /// towards y), t goes up from the latitude `latitudes[0]` to `latitudes[1]` (degrees, −90 to 90); normals point
+    /// outwards.
     ///
     /// # Errors
     ///
@@ -268,9 +271,9 @@ impl Surface {
         Sphere::new(radius, angles, latitudes).map(Kind::Sphere).map(Self::new)
     }
 
-    /// A torus about the z axis: s goes round it from `angles[0]` to `angles[1]` (degrees from the positive x axis towards y), t round
-    /// its tube from `tube[0]` to `tube[1]` (degrees from the outer equator upwards); normals point out of the tube. `radii` are those
-    /// of the tube's middle and of the tube.
+    /// A torus about the z axis: s goes round it from `angles[0]` to `angles[1]` (degrees from the positive x axis
+    /// towards y), t round its tube from `tube[0]` to `tube[1]` (degrees from the outer equator upwards); normals point
+    /// out of the tube. `radii` are those of the tube's middle and of the tube.
     ///
     /// # Errors
     ///
@@ -279,8 +282,8 @@ impl Surface {
         Torus::new(radii[0], radii[1], angles, tube).map(Kind::Torus).map(Self::new)
     }
 
-    /// The profile `curve` (t) turned about the line through `axis[0]` along `axis[1]` from `angles[0]` to `angles[1]` (degrees,
-    /// right-handed; s). Normals of a profile that goes up beside its axis point outwards.
+    /// The profile `curve` (t) turned about the line through `axis[0]` along `axis[1]` from `angles[0]` to `angles[1]`
+    /// (degrees, right-handed; s). Normals of a profile that goes up beside its axis point outwards.
     ///
     /// # Errors
     ///
@@ -298,8 +301,8 @@ impl Surface {
         Extrusion::new(curve, along).map(Kind::Extrusion).map(Self::new)
     }
 
-    /// The surface, its origin moved to `origin`, its z axis turned to the direction `z`, its x axis to the part of the direction `x`
-    /// across `z`.
+    /// The surface, its origin moved to `origin`, its z axis turned to the direction `z`, its x axis to the part of the
+    /// direction `x` across `z`.
     ///
     /// # Errors
     ///
@@ -337,16 +340,16 @@ impl Surface {
         }
     }
 
-    /// Point and derivatives at (s, t), also a little outside [0, 1]²: there the kind's formula goes on, a patch or a profile along its tangents at
-    /// the border, or round where it closes.
+    /// Point and derivatives at (s, t), also a little outside [0, 1]²: there the kind's formula goes on, a patch or a
+    /// profile along its tangents at the border, or round where it closes.
     #[must_use]
     pub fn jet(&self, s: f64, t: f64) -> Jet {
         let jet = self.kind_jet(self.kind_s(s), t);
         self.outward(jet)
     }
 
-    /// The jet, and the unit normal there as a limit: at a smooth pole too, where the jet has none. None at the apex of a cone and
-    /// wherever else a surface has no tangent plane.
+    /// The jet, and the unit normal there as a limit: at a smooth pole too, where the jet has none. None at the apex of
+    /// a cone and wherever else a surface has no tangent plane.
     ///
     /// The normal is that of S_s × S_t: to the left of t when s goes right, seen from its tip.
     #[must_use]
@@ -400,9 +403,9 @@ impl Surface {
         matches!(self.kind, Kind::Plane { .. } | Kind::Cone(_) | Kind::Extrusion(_))
     }
 
-    /// Where (s, t) is when the surface, cut at its seam, is unrolled into the plane without stretching: lengths and angles on the sheet
-    /// are those on the surface, and the turn from S_s to S_t is counter-clockwise. Exact for planes, cylinders and cones; for extrusions
-    /// the profile's length is good to 1e-12. None for other kinds.
+    /// Where (s, t) is when the surface, cut at its seam, is unrolled into the plane without stretching: lengths and
+    /// angles on the sheet are those on the surface, and the turn from S_s to S_t is counter-clockwise. Exact for
+    /// planes, cylinders and cones; for extrusions the profile's length is good to 1e-12. None for other kinds.
     #[must_use]
     pub fn development(&self, s: f64, t: f64) -> Option<DVec2> {
         let s = self.kind_s(s);
@@ -420,10 +423,10 @@ impl Surface {
         Some(if self.flipped { DVec2::new(-developed.x, developed.y) } else { developed })
     }
 
-    /// The length of the shortest way on the surface, cut at its seam, between the points at `a` and `b` = (s, t), where that is a
-    /// straight line of the development or an arc of a great circle. None for other kinds, and where that would leave the sheet: round the
-    /// apex or over the inner rim of a cone, over a border of a part of a sphere, across a seam, or over the uneven border of an extrusion whose
-    /// profile is not across its direction.
+    /// The length of the shortest way on the surface, cut at its seam, between the points at `a` and `b` = (s, t),
+    /// where that is a straight line of the development or an arc of a great circle. None for other kinds, and where
+    /// that would leave the sheet: round the apex or over the inner rim of a cone, over a border of a part of a sphere,
+    /// across a seam, or over the uneven border of an extrusion whose profile is not across its direction.
     #[must_use]
     pub fn geodesic(&self, a: DVec2, b: DVec2) -> Option<f64> {
         let [p, q] = [a, b].map(|at| DVec2::new(self.kind_s(at.x), at.y));

@@ -7,8 +7,9 @@ use crate::parallel;
 use crate::surface::Surface;
 
 impl Surface {
-    /// The surface cut into `cells` along s and t at equidistant parameters: quadrilaterals, counter-clockwise seen from the tips of the normals. A seam has
-    /// its points once, so closed surfaces are closed meshes; a pole is one point, with triangles around it.
+    /// The surface cut into `cells` along s and t at equidistant parameters: quadrilaterals, counter-clockwise seen
+    /// from the tips of the normals. A seam has its points once, so closed surfaces are closed meshes; a pole is one
+    /// point, with triangles around it.
     ///
     /// # Errors
     ///

@@ -11,10 +11,12 @@ use crate::patch::Patch;
 use crate::placement::Placement;
 use crate::surface::{Surface, SurfaceError};
 
-/// Cells of the flattening grid along s and t where a request says nothing. More: finer sheets, but more time; fewer: coarse ones.
+/// Cells of the flattening grid along s and t where a request says nothing. More: finer sheets, but more time; fewer:
+/// coarse ones.
 const CELLS: [usize; 2] = [32, 32];
 
-/// Grid steps over which distances are kept where a request says nothing: CO's r. More: more time; fewer: sheets fold (CO, figure 2).
+/// Grid steps over which distances are kept where a request says nothing: CO's r. More: more time; fewer: sheets fold
+/// (CO, figure 2).
 const REACH: usize = 3;
 
 /// The surface to deform along: from a file, or made here.
@@ -401,7 +403,8 @@ impl SurfaceRequest {
     ///
     /// # Errors
     ///
-    /// Neither kind nor file, or both; keys that are missing or belong to other kinds; values that make no surface; a grid or a reach of 0.
+    /// Neither kind nor file, or both; keys that are missing or belong to other kinds; values that make no surface; a
+    /// grid or a reach of 0.
     pub fn surface(&self, file: Option<Surface>) -> Result<Surface, SurfaceRequestError> {
         if self.cells().contains(&0) {
             return Err(SurfaceRequestError::Zero { key: "grid" });

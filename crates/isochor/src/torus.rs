@@ -1,4 +1,5 @@
-//! Tori about the z axis: `S(s, t) = (R + r cos φ)(cos θ, sin θ, 0) + r sin φ e_z`, s along θ round the axis, t along φ round the tube.
+//! Tori about the z axis: `S(s, t) = (R + r cos φ)(cos θ, sin θ, 0) + r sin φ e_z`, s along θ round the axis, t along φ
+//! round the tube.
 
 use glam::DVec3;
 
