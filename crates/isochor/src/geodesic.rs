@@ -190,7 +190,10 @@ pub(crate) fn between(surface: &Surface, p: &Station, q: &Station) -> Option<Geo
         // The error of the sum falls as L⁴, that of the extrapolated one as L⁶, that of the one extrapolated twice as L⁸.
         let extrapolated = sum + (sum - coarse) / 15.0;
         let (length, error) = match last_extrapolated.replace(extrapolated) {
-            None => (extrapolated, SIXTH * ((sum - coarse) / sum).abs().powf(1.5)),
+            None => {
+                let change = ((sum - coarse) / sum).abs();
+                (extrapolated, SIXTH * change * change.sqrt())
+            }
             Some(last) => {
                 let change = (extrapolated - last) / 63.0;
                 (extrapolated + change, (change / sum).abs())
