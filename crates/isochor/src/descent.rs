@@ -24,7 +24,7 @@ const KEPT: f64 = 1e-4;
 
 /// L-BFGS ends only where its model says that less is left to gain than this fraction of the tolerance. Larger: it ends too early on
 /// surfaces whose stress falls slowly; smaller: steps that nobody needs.
-const LEFT: f64 = 0.03;
+const LEFT: f64 = 0.1;
 
 /// A sheet whose stress is below this fraction of that of a point is isometric: lengths are right to its root, a tenth of
 /// [`crate::geodesic::LENGTH`]. Larger: developable surfaces are not quite flattened; smaller: errors of lengths are chased.

@@ -233,7 +233,7 @@ pub fn flatten(surface: &Surface, options: &FlattenOptions) -> Result<Flattened,
     }
     let way = match options.method {
         FlattenMethod::QuasiNewton => descent::quasi_newton(&stress, start, tolerance, options.iterations),
-        FlattenMethod::Descent { step } if step > 0.0 => {
+        FlattenMethod::Descent { step } if step > 0.0 && step.is_finite() => {
             descent::fixed(&stress, start, step, tolerance, options.iterations)
         }
         FlattenMethod::Descent { step } => return Err(FlattenError::Step(step)),
