@@ -221,4 +221,6 @@ mod pages {
     mod preview {}
     #[doc = include_str!("../../../docs/sensitivity.md")]
     mod sensitivity {}
+    #[doc = include_str!("../../../docs/surface.md")]
+    mod surface {}
 }

@@ -86,6 +86,7 @@ pub(crate) struct Place {
 #[derive(Clone, Debug)]
 pub(crate) struct Locator {
     grid: Grid,
+    corners: Vec<Corners>,
     /// A cell without area holds no point.
     is_empty: Vec<bool>,
     bins: Bins,
@@ -229,11 +230,13 @@ impl Corners {
         let length = along.length_squared();
         // The same for u.
         let u = if length > 0.0 { (r - v * f).dot(along) / length } else { 0.5 };
+        /// What is missing is rounding where it is less than this part of the place. Larger: digits are lost; smaller: steps that change nothing.
+        const ROUNDING: f64 = 2.0 * f64::EPSILON;
         let mut best = DVec2::new(u, v);
         let mut missing = x - self.at(u, v);
         for _ in 0..STEPS {
             let slope = self.slope(best.x, best.y);
-            if missing == DVec2::ZERO || slope.determinant() == 0.0 {
+            if missing.length_squared() <= ROUNDING * ROUNDING * x.length_squared() || slope.determinant() == 0.0 {
                 break;
             }
             let next = best + slope.inverse() * missing;
@@ -333,8 +336,9 @@ impl Locator {
     }
 
     fn over(grid: Grid, folded: impl Fn(usize, [usize; 2]) -> LocateError) -> Result<Self, LocateError> {
-        let orientations: Vec<i8> =
-            (0..grid.cells[0] * grid.cells[1]).map(|cell| grid.corners(grid.cell(cell)).orientation()).collect();
+        let corners: Vec<Corners> =
+            (0..grid.cells[0] * grid.cells[1]).map(|cell| grid.corners(grid.cell(cell))).collect();
+        let orientations: Vec<i8> = corners.iter().map(Corners::orientation).collect();
         if let Some(first) = orientations.iter().position(|o| *o < 0) {
             let count = orientations.iter().filter(|o| **o < 0).count();
             return Err(folded(count, grid.cell(first)));
@@ -344,7 +348,7 @@ impl Locator {
         }
         let (low, high) = box_of(&grid.points);
         let is_empty = orientations.iter().map(|o| *o == 0).collect();
-        let located = Self { bins: Bins::of(&grid), is_empty, grid, extent: (high - low).max_element() };
+        let located = Self { bins: Bins::of(&grid), corners, is_empty, grid, extent: (high - low).max_element() };
         match located.crossing() {
             Some(near) => Err(LocateError::Overlap { near }),
             None => Ok(located),
@@ -358,24 +362,23 @@ impl Locator {
 
     /// Where x is; none beyond the grid.
     pub(crate) fn place(&self, x: DVec2) -> Option<Place> {
-        let Bins { low, high, .. } = self.bins;
-        if !(x.cmpge(low) & x.cmple(high)).all() {
-            return None;
-        }
-        let [i, j] = self.bins.bin(x);
-        let near = self.bins.cells(i * self.bins.counts[1] + j);
-        let cell = near.iter().find(|cell| {
-            let cell = **cell as usize;
-            !self.is_empty[cell] && self.grid.corners(self.grid.cell(cell)).hold(x)
-        });
-        cell.map(|cell| self.place_in(self.grid.cell(*cell as usize), x))
+        let holds = |cell: &&u32| !self.is_empty[**cell as usize] && self.corners[**cell as usize].hold(x);
+        self.near(x)?.iter().find(holds).map(|cell| self.place_in(*cell as usize, x))
     }
 
-    fn place_in(&self, cell: [usize; 2], x: DVec2) -> Place {
+    /// Cells that may hold x, ascending; none beyond the box of the grid.
+    fn near(&self, x: DVec2) -> Option<&[u32]> {
+        let Bins { low, high, .. } = self.bins;
+        let [i, j] = self.bins.bin(x);
+        let is_in_box = (x.cmpge(low) & x.cmple(high)).all();
+        is_in_box.then(|| self.bins.cells(i * self.bins.counts[1] + j))
+    }
+
+    fn place_in(&self, number: usize, x: DVec2) -> Place {
         /// Parameters so near the borders of the surface are on it. Larger: places near a pole are taken for it; smaller: the pole itself, where a
         /// surface knows its normal, is missed by rounding.
         const ROUNDINGS: f64 = 16.0 * f64::EPSILON;
-        let corners = self.grid.corners(cell);
+        let (corners, cell) = (&self.corners[number], self.grid.cell(number));
         let at = corners.inverse(x);
         let slope = corners.slope(at.x, at.y);
         let parameter = |axis: usize| {
@@ -400,7 +403,7 @@ impl Locator {
         };
         let sides = self.boundary().map(|(cell, side)| (cell, near(side)));
         let (cell, distance) = sides.min_by(|a, b| a.1.total_cmp(&b.1)).expect("a grid has a boundary");
-        (self.place_in(cell, x), distance)
+        (self.place_in(cell[0] * self.grid.cells[1] + cell[1], x), distance)
     }
 
     /// The sides of cells at the boundary, counter-clockwise, cells without area left out.

@@ -15,7 +15,7 @@ const EDITS: &str = "edit = [{ taper = { axis = \"z\", scale = 0.5 } }, { twist 
 
 fn run_with(mesh: &Mesh, toml: &str, lattice: Option<&PosedLattice>) -> Result<Outcome, JobError> {
     let job = Job::from_toml(toml).unwrap();
-    let input = JobInput { mesh, source: &Source::of(mesh), lattice };
+    let input = JobInput { mesh, source: &Source::of(mesh), lattice, surface: None };
     let outcome = job.run(&input, &mut |_| {})?;
     // What must hold of every outcome.
     assert_eq!(outcome.points.len(), mesh.points().len());
