@@ -68,6 +68,8 @@ pub(crate) struct Station {
     /// A tangent T has the parameter velocity `(dual[0]·T, dual[1]·T)`.
     dual: [DVec3; 2],
     second: [DVec3; 3],
+    /// The normal parts of these: the second fundamental form.
+    form: [f64; 3],
 }
 
 /// (1) between two stations.
@@ -75,9 +77,8 @@ pub(crate) struct Station {
 struct Arc {
     length: f64,
     tangents: [DVec3; 2],
-    /// Parameters by arc length at both ends: first and second derivatives.
+    /// Parameters by arc length at both ends.
     velocities: [DVec2; 2],
-    accelerations: [DVec2; 2],
 }
 
 impl Station {
@@ -87,14 +88,9 @@ impl Station {
         let area = jet.s.cross(jet.t).dot(normal);
         let dual = [jet.t.cross(normal) / area, normal.cross(jet.s) / area];
         let is_finite = jet.point.is_finite() && dual[0].is_finite() && dual[1].is_finite();
-        is_finite.then_some(Self {
-            parameters,
-            point: jet.point,
-            normal,
-            first: [jet.s, jet.t],
-            dual,
-            second: [jet.ss, jet.st, jet.tt],
-        })
+        let second = [jet.ss, jet.st, jet.tt];
+        let form = second.map(|v| v.dot(normal));
+        is_finite.then_some(Self { parameters, point: jet.point, normal, first: [jet.s, jet.t], dual, second, form })
     }
 
     fn on(surface: &Surface, parameters: DVec2) -> Option<Self> {
@@ -110,6 +106,16 @@ impl Station {
         v.x * v.x * self.second[0] + 2.0 * v.x * v.y * self.second[1] + v.y * v.y * self.second[2]
     }
 
+    /// Normal curvature along a unit tangent with the parameter velocity `v`.
+    fn curvature(&self, v: DVec2) -> f64 {
+        self.form[0] * v.x * v.x + 2.0 * self.form[1] * v.x * v.y + self.form[2] * v.y * v.y
+    }
+
+    /// Second derivative of the parameters of a geodesic with the parameter velocity `v`, by arc length.
+    fn acceleration(&self, v: DVec2) -> DVec2 {
+        -self.velocity(self.second_along(v))
+    }
+
     /// The unit tangent nearest to `direction`.
     fn tangent(&self, direction: DVec3) -> Option<DVec3> {
         (direction - direction.dot(self.normal) * self.normal).try_normalize()
@@ -119,44 +125,49 @@ impl Station {
 impl Arc {
     /// None where the ends are too far apart.
     fn between(p: &Station, q: &Station) -> Option<Self> {
-        /// Directions and length are repeated until the length changes by less than this fraction: its error is the square of theirs.
-        const SETTLED: f64 = 1e-8;
+        /// Directions and length are repeated until the length is expected to change by less than this fraction. Larger: the error of
+        /// (1) is drowned; smaller: a round more.
+        const SETTLED: f64 = 1e-9;
         /// Where they do not settle in so many rounds, the ends are too far apart.
         const ROUNDS: usize = 12;
         let chord = q.point - p.point;
         let mut tangents = [p.tangent(chord)?, q.tangent(chord)?];
         let mut length = chord.length();
+        let mut last_change = f64::INFINITY;
         for _ in 0..ROUNDS {
             let velocities = [p.velocity(tangents[0]), q.velocity(tangents[1])];
-            let second = [p.second_along(velocities[0]), q.second_along(velocities[1])];
-            let bent = [second[0].dot(p.normal) * p.normal, second[1].dot(q.normal) * q.normal];
+            let curvatures = [p.curvature(velocities[0]), q.curvature(velocities[1])];
             // (1) along the sum of tangents: a L² + b L = c.
             let sum = tangents[0] + tangents[1];
-            let [a, b, c] = [(bent[0] - bent[1]).dot(sum) / 12.0, 0.5 * sum.length_squared(), chord.dot(sum)];
+            let bent = curvatures[0] * p.normal.dot(sum) - curvatures[1] * q.normal.dot(sum);
+            let [a, b, c] = [bent / 12.0, 0.5 * sum.length_squared(), chord.dot(sum)];
             let discriminant = b * b + 4.0 * a * c;
             if discriminant < 0.0 || tangents[0].dot(tangents[1]) < NEAR {
                 return None;
             }
             let settled = 2.0 * c / (b + discriminant.sqrt());
-            if (settled - length).abs() <= SETTLED * length {
+            let change = (settled - length).abs() / settled;
+            // Changes fall by about the same factor from round to round.
+            if change * change <= SETTLED * last_change.min(1.0) {
                 // Another way round, as over the seam of a cylinder, is not the one that was asked for.
                 let missed = q.parameters - p.parameters - 0.5 * settled * (velocities[0] + velocities[1]);
                 let missed = missed.x * p.first[0] + missed.y * p.first[1];
-                let accelerations = [-p.velocity(second[0]), -q.velocity(second[1])];
-                let arc = Self { length: settled, tangents, velocities, accelerations };
+                let arc = Self { length: settled, tangents, velocities };
                 return (missed.length() <= ASIDE * settled).then_some(arc);
             }
-            length = settled;
+            (length, last_change) = (settled, change);
             // x(L) − x(0) = L T₀ + L² (κ₀ N₀/3 + κ₁ N₁/6) + O(L⁴), and the same from the other end.
             let squared = length * length / 6.0;
-            tangents = [p.tangent(chord - squared * bent[1])?, q.tangent(chord + squared * bent[0])?];
+            let first = p.tangent(chord - squared * curvatures[1] * q.normal)?;
+            tangents = [first, q.tangent(chord + squared * curvatures[0] * p.normal)?];
         }
         None
     }
 
     /// Parameters of the middle, by the quintic between the ends.
     fn middle(&self, p: &Station, q: &Station) -> DVec2 {
-        let [v, a] = [self.velocities, self.accelerations];
+        let v = self.velocities;
+        let a = [p.acceleration(v[0]), q.acceleration(v[1])];
         0.5 * (p.parameters + q.parameters)
             + self.length * (5.0 / 32.0 * (v[0] - v[1]) + self.length / 64.0 * (a[0] + a[1]))
     }
@@ -167,25 +178,57 @@ pub(crate) fn arc_length(p: &Station, q: &Station) -> Option<f64> {
     Arc::between(p, q).map(|arc| arc.length)
 }
 
+/// A way from station to station by arcs, none where stations are too far apart, in memory that is used again.
+#[derive(Clone, Debug, Default)]
+pub(crate) struct Path {
+    stations: Vec<Station>,
+    arcs: Vec<Option<Arc>>,
+    spare: Vec<Station>,
+}
+
+impl Path {
+    /// One arc.
+    fn begin(&mut self, p: &Station, q: &Station) {
+        self.stations.clear();
+        self.stations.extend([p, q]);
+        self.span();
+    }
+
+    fn span(&mut self) {
+        self.arcs.clear();
+        self.arcs.extend(self.stations.windows(2).map(|ends| Arc::between(&ends[0], &ends[1])));
+    }
+
+    /// The sum of lengths, where no arc is missing.
+    fn length(&self) -> Option<f64> {
+        self.arcs.iter().map(|arc| arc.as_ref().map(|arc| arc.length)).sum()
+    }
+
+    /// Two arcs for each. None where a station has no tangent plane.
+    fn halve(&mut self, surface: &Surface) -> Option<()> {
+        self.spare.clear();
+        for (ends, arc) in self.stations.windows(2).zip(&self.arcs) {
+            let straight = 0.5 * (ends[0].parameters + ends[1].parameters);
+            let middle = arc.as_ref().map_or(straight, |arc| arc.middle(&ends[0], &ends[1]));
+            self.spare.extend([ends[0], Station::on(surface, middle)?]);
+        }
+        self.spare.extend(self.stations.last().copied());
+        std::mem::swap(&mut self.stations, &mut self.spare);
+        self.span();
+        Some(())
+    }
+}
+
 /// The geodesic between two stations; none where a point between them has no tangent plane, or no geodesic is found.
-pub(crate) fn between(surface: &Surface, p: &Station, q: &Station) -> Option<Geodesic> {
-    let mut stations = vec![*p, *q];
-    let mut arcs = vec![Arc::between(p, q)];
+pub(crate) fn between(surface: &Surface, p: &Station, q: &Station, path: &mut Path) -> Option<Geodesic> {
+    path.begin(p, q);
     // The last sum of arcs, and the last extrapolated one.
-    let (mut last_sum, mut last_extrapolated) = (arcs[0].map(|arc| arc.length), None);
+    let (mut last_sum, mut last_extrapolated) = (path.length(), None);
     let mut found: Option<Geodesic> = None;
     for _ in 0..HALVINGS {
-        let mut halved = Vec::with_capacity(2 * stations.len() - 1);
-        for (ends, arc) in stations.windows(2).zip(&arcs) {
-            let straight = 0.5 * (ends[0].parameters + ends[1].parameters);
-            let middle = arc.map_or(straight, |arc| arc.middle(&ends[0], &ends[1]));
-            halved.extend([ends[0], Station::on(surface, middle)?]);
-        }
-        halved.push(*q);
-        stations = halved;
-        arcs = stations.windows(2).map(|ends| Arc::between(&ends[0], &ends[1])).collect();
-        let Some(excess) = straightened(surface, &mut stations, &mut arcs)? else { continue };
-        let sum: f64 = arcs.iter().flatten().map(|arc| arc.length).sum();
+        path.halve(surface)?;
+        let Some(excess) = straightened(surface, &mut path.stations, &mut path.arcs)? else { continue };
+        let Some(sum) = path.length() else { continue };
         let Some(coarse) = last_sum.replace(sum) else { continue };
         // The error of the sum falls as L⁴, that of the extrapolated one as L⁶, that of the one extrapolated twice as L⁸.
         let extrapolated = sum + (sum - coarse) / 15.0;
@@ -217,10 +260,10 @@ fn straightened(surface: &Surface, stations: &mut [Station], arcs: &mut [Option<
         let mut excess = 0.0;
         let mut length = 0.0;
         for k in 1..stations.len() {
-            let Some(after) = arcs[k - 1] else { return Some(None) };
+            let Some(after) = &arcs[k - 1] else { return Some(None) };
             length += after.length;
             let Some(next) = arcs.get(k) else { break };
-            let Some(next) = *next else { return Some(None) };
+            let Some(next) = next else { return Some(None) };
             // The second derivative of the sum of both lengths is 1/L₀ + 1/L₁ across them.
             let kink = next.tangents[0] - after.tangents[1];
             let stiffness = 1.0 / after.length + 1.0 / next.length;
@@ -250,7 +293,7 @@ impl Surface {
         if a == b {
             return Some(Geodesic { length: 0.0, error: 0.0 });
         }
-        between(self, &Station::on(self, a)?, &Station::on(self, b)?)
+        between(self, &Station::on(self, a)?, &Station::on(self, b)?, &mut Path::default())
     }
 }
 
@@ -335,14 +378,15 @@ pub(crate) fn grid_lengths(
     let at = |[i, j]: [usize; 2]| stations[i * columns + j].as_ref();
     // Patches have no closed forms: time is not spent on asking.
     let is_patch = surface.patch().is_some();
-    let refined = |p: [usize; 2], q: [usize; 2]| {
+    let refined = |p: [usize; 2], q: [usize; 2], path: &mut Path| {
         let exact = if is_patch { None } else { surface.geodesic(parameters(p), parameters(q)) };
         let exact = exact.map(|length| Geodesic { length, error: 0.0 });
-        exact.or_else(|| between(surface, at(p)?, at(q)?)).ok_or((p, q))
+        exact.or_else(|| between(surface, at(p)?, at(q)?, path)).ok_or((p, q))
     };
     let arc = |p: [usize; 2], q: [usize; 2]| arc_length(at(p)?, at(q)?);
     let rows: Vec<Row> = parallel::map(cells[0] + 1, |i| {
         let mut lengths = vec![f64::NAN; row];
+        let mut path = Path::default();
         let mut worst: f64 = 0.0;
         for j in 0..columns {
             let p = [i, j];
@@ -353,7 +397,7 @@ pub(crate) fn grid_lengths(
                 multiples.filter_map(|step| grid_end(cells, p, step).map(|q| (step, q))).next()
             });
             for (step, q) in longest.into_iter().flatten() {
-                let geodesic = refined(p, q)?;
+                let geodesic = refined(p, q, &mut path)?;
                 let off = |length: f64| (length - geodesic.length).abs() / geodesic.length;
                 rate = rate.max(arc(p, q).map_or(f64::INFINITY, off) / fourth_power(step));
                 worst = worst.max(geodesic.error);
@@ -366,7 +410,7 @@ pub(crate) fn grid_lengths(
                 let good = if error <= LENGTH { arc(p, q) } else { None };
                 let geodesic = match good {
                     Some(length) => Geodesic { length, error },
-                    None => refined(p, q)?,
+                    None => refined(p, q, &mut path)?,
                 };
                 worst = worst.max(geodesic.error);
                 lengths[o * columns + j] = geodesic.length;

@@ -19,7 +19,7 @@ impl Sheet {
     ///
     /// # Panics
     ///
-    /// Panics where there is no cell, or `flat` does not hold (cells[0] + 1) · (cells[1] + 1) points.
+    /// Panics where there is no cell, or `flat` does not hold `(cells[0] + 1) · (cells[1] + 1)` points.
     #[must_use]
     pub fn new(surface: Surface, cells: [usize; 2], flat: Vec<DVec2>) -> Self {
         assert!(cells[0] > 0 && cells[1] > 0, "a sheet has cells");

@@ -26,8 +26,10 @@ use crate::parallel;
 /// are added twice.
 const PAIRS: usize = 16_384;
 
-/// The coarsest grid has at most so many points. Larger: factorising it takes longer; smaller: more iterations.
+/// The coarsest grid has at most so many points, or this part of those of the finest. Larger: factorising it takes longer; smaller: more
+/// iterations.
 const COARSEST: usize = 81;
+const COARSEST_PART: f64 = 0.02;
 
 /// What is added to diagonals, relative to their mean, for sheets in which some displacement costs nothing. Larger: slow bends take more
 /// iterations; smaller: a start with points on one line has no inverse.
@@ -229,7 +231,8 @@ impl Inverse {
         // Where the points of this level are in the finest grid.
         let mut places = size.map(|n| (0..n).collect::<Vec<usize>>());
         let mut width = 1;
-        while size[0] * size[1] > COARSEST && size.iter().any(|n| *n > 3) {
+        let coarsest = COARSEST.max((COARSEST_PART * points as f64) as usize);
+        while size[0] * size[1] > coarsest && size.iter().any(|n| *n > 3) {
             let factor = hat_energy(width, &stress.steps);
             let inverse = places[0].iter().flat_map(|i| places[1].iter().map(move |j| i * stress.size[1] + j));
             let inverse = inverse.map(|k| stiffened(diagonal[k] * factor).inverse()).collect();
