@@ -1178,6 +1178,87 @@ fn precision_f64_writes_what_floats_cannot_hold() {
     assert!((volume(double.mesh()) / number(&report, "written") - 1.0).abs() <= 1e-15);
 }
 
+// Surfaces
+
+/// The plate of six faces on a cylinder, with all that can be asked for.
+const ARCH: &str = "shape:plate?n=1 -o arch.obj --surface cylinder:radius=0.5,height=2 --grid 24x8 --reach 3 --refine 0.05 \
+                    --place at=[0.5,0.4],rotate=90,outside=\"refuse\" --save-surface cylinder.obj --sheet sheet.svg --picture arch.png";
+
+#[test]
+fn a_plate_is_laid_along_a_cylinder_and_keeps_its_volume() {
+    let folder = Folder::new();
+    let report = folder.report(ARCH);
+    assert!(
+        (number(&report, "final") / 0.05 - 1.0).abs() <= 1e-13 && (number(&report, "posed") / 0.05 - 1.0).abs() > 0.01
+    );
+    assert_eq!(report["correction"]["method"], "height");
+    let surface = &report["surface"];
+    assert_eq!(surface["cells"], serde_json::json!([24, 8]));
+    let arch = folder.document("arch.obj");
+    assert_eq!(arch.mesh().points().len() as u64, 8 + surface["edge_points"].as_u64().unwrap());
+    assert!(topology(arch.mesh()).is_closed() && (volume(arch.mesh()) / 0.05 - 1.0).abs() <= 1e-13);
+    let cylinder = folder.document("cylinder.obj");
+    assert!(cylinder.mesh().points().iter().all(|p| (p.truncate().length() - 0.5).abs() < 1e-15));
+    let svg = String::from_utf8(folder.bytes("sheet.svg")).unwrap();
+    assert!(svg.starts_with("<svg") && svg.matches("<circle").count() > 20);
+    assert!(folder.bytes("arch.png").starts_with(b"\x89PNG"));
+    // As a job, through a lattice, and in a file of another format.
+    let job = "model = \"shape:plate?n=1\"\noutput = \"job.ply\"\n[surface]\nkind = \"cylinder\"\nradius = 0.5\nheight = 2\n\
+               [preserve]\nmethod = \"nearest\"\n";
+    folder.write("arch.toml", job);
+    let report = folder.report("--job arch.toml --precision f64");
+    assert_eq!(report["correction"]["method"], "nearest");
+    assert!((number(&report, "written") / 0.05 - 1.0).abs() <= 1e-13);
+    assert!(folder.report("--job arch.toml -o flat.stl --refine off --method height")["surface"]["edge_points"] == 0);
+}
+
+#[test]
+fn a_file_keeps_what_it_holds_along_a_surface() {
+    let folder = Folder::new();
+    folder.write("p.obj", "mtllib a.mtl\no plate\nv 0 0 0\nv 3 0 0\nv 3 1 0\nv 0 1 0\nvt 0 0\nvt 1 0\nvt 1 1\nvt 0 1\nusemtl red\nf 1/1 2/2 3/3 4/4\n");
+    folder.report("p.obj -o q.obj --surface cylinder:radius=1,height=2 --volume free");
+    let text = String::from_utf8(folder.bytes("q.obj")).unwrap();
+    assert!(text.starts_with("mtllib a.mtl\no plate\n") && text.contains("usemtl red\nf "), "{text}");
+    assert!(text.matches("\nvt ").count() > 8 && text.matches("\nf ").count() > 8);
+}
+
+#[test]
+fn a_patch_of_a_file_is_a_surface() {
+    let folder = Folder::new();
+    let rows: Vec<Value> =
+        (0..4).map(|i| (0..4).map(|j| serde_json::json!([i, j, 0.2 * f64::from(i * j)])).collect()).collect();
+    let patch = serde_json::json!({ "kind": "patch", "version": 1, "degree": [3, 3], "controls": rows });
+    folder.write("patch.json", &patch.to_string());
+    let report =
+        folder.report("shape:dolphin?n=12 -o out.ply --surface patch.json --place scale=0.6,height=\"middle\"");
+    assert!(relative_error(&report) <= 1e-13);
+    let missing = folder.isochor("deform shape:cube -o c.ply --surface patch.json:patch=7 --json");
+    assert_eq!((missing.code, missing.json()["error"]["code"].as_str()), (Some(2), Some("surface-file")));
+    assert!(!folder.path("c.ply").exists());
+}
+
+#[test]
+fn surfaces_that_cannot_be_are_refused() {
+    let folder = Folder::new();
+    for (line, code, place) in [
+        ("--surface cylinder:radius=0.1,height=2", 1, "surface.place"),
+        ("--surface cylinder:radius=-1,height=2", 2, "surface"),
+        ("--surface cylindre:radius=1", 2, "--surface"),
+        ("--surface cylinder:radios=1", 2, "--surface"),
+        ("--grid 4", 2, "--grid"),
+        ("--surface cylinder:radius=1,height=2 --grid 4x", 2, "--grid"),
+        ("--surface cylinder:radius=1,height=2 --refine much", 2, "--refine"),
+        ("--surface cylinder:radius=1,height=2 --place rotat=4", 2, "--place"),
+        ("--surface cylinder:radius=1,height=2 --sheet sheet.png", 2, "sheet.png"),
+        ("--method height", 2, "preserve.method"),
+    ] {
+        let ran = folder.isochor(&format!("deform shape:plate?n=1 -o out.ply {line} --json"));
+        assert_eq!(ran.code, Some(code), "{line}: {}", ran.stdout);
+        assert_eq!(ran.json()["error"]["where"], place, "{line}");
+        assert!(!folder.path("out.ply").exists());
+    }
+}
+
 // Pictures and pages
 
 /// Width, height and pixels of a PNG file.

@@ -60,7 +60,7 @@ impl Patch {
     }
 
     /// The patch through `points` (`size[0]` × `size[1]`, those of one i after the other), which are met at the
-    /// parameters (i / (size[0] − 1), j / (size[1] − 1)).
+    /// parameters `(i / (size[0] − 1), j / (size[1] − 1))`.
     ///
     /// # Errors
     ///

@@ -55,10 +55,10 @@ pub struct SurfaceRequest {
     /// Sides of a height field's rectangle along x and y, from the origin; of a plane's instead of `sides`.
     #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::exact::optional_array"))]
     pub size: Option<[f64; 2]>,
-    /// Control points [i][j], i along s.
+    /// Control points `[i][j]`, i along s.
     #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::exact::optional_rows"))]
     pub controls: Option<Vec<Vec<DVec3>>>,
-    /// Their weights [i][j].
+    /// Their weights `[i][j]`.
     pub weights: Option<Vec<Vec<f64>>>,
     /// Degrees of B-splines along s and t; 3 by default, or less where there are fewer control points.
     #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::exact::optional_array"))]
@@ -74,9 +74,9 @@ pub struct SurfaceRequest {
     /// The vector by which the profile is extruded.
     #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::exact::optional_vector"))]
     pub along: Option<DVec3>,
-    /// Heights [i][j] of a height field over equidistant places, i along x.
+    /// Heights `[i][j]` of a height field over equidistant places, i along x.
     pub heights: Option<Vec<Vec<f64>>>,
-    /// Points [i][j] of a grid, i along s.
+    /// Points `[i][j]` of a grid, i along s.
     #[cfg_attr(feature = "serde", serde(deserialize_with = "crate::exact::optional_rows"))]
     pub points: Option<Vec<Vec<DVec3>>>,
     /// How a height field or grid goes through them.
@@ -377,7 +377,7 @@ fn basis(size: usize, degree: Option<usize>, knots: Option<&[f64]>) -> Result<Ba
     }
 }
 
-/// Values [i][j] one after the other, with their number along i and j.
+/// Values `[i][j]` one after the other, with their number along i and j.
 fn flat<T: Copy>(key: &'static str, rows: &[Vec<T>]) -> Result<([usize; 2], Vec<T>), SurfaceRequestError> {
     let expected = rows.first().map_or(0, Vec::len);
     if let Some(row) = rows.iter().position(|row| row.len() != expected) {

