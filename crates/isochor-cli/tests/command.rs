@@ -1228,7 +1228,7 @@ fn a_patch_of_a_file_is_a_surface() {
     let rows: Vec<Value> =
         (0..4).map(|i| (0..4).map(|j| serde_json::json!([i, j, 0.2 * f64::from(i * j)])).collect()).collect();
     let patch = serde_json::json!({ "kind": "patch", "version": 1, "degree": [3, 3], "controls": rows });
-    folder.write("patch.json", &patch.to_string());
+    folder.write("patch.json", patch.to_string());
     let report =
         folder.report("shape:dolphin?n=12 -o out.ply --surface patch.json --place scale=0.6,height=\"middle\"");
     assert!(relative_error(&report) <= 1e-13);
