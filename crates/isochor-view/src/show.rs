@@ -45,7 +45,8 @@ impl<'a> Show<'a> {
         let row = outcome.report.volume.as_ref().map(|volume| volume.overall);
         let rest = ShownPose {
             name: "rest".into(),
-            points: mesh.points().into(),
+            // A model along a surface is at rest where it was placed on the flattened sheet.
+            points: outcome.sheet().map_or(mesh.points(), |sheet| sheet.placed.points()).into(),
             lattice: None,
             volume: row.map(|row| row.rest),
             volume_change: None,

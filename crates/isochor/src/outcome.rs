@@ -929,7 +929,10 @@ impl Outcome {
     /// The model between rest and result. `None` where the job deformed nothing.
     #[must_use]
     pub fn course(&self) -> Option<Course> {
-        let determinants = |jacobians: Vec<DMat3>| jacobians.iter().map(DMat3::determinant).collect::<Vec<f64>>();
+        // A model along a surface is compared with itself as it was placed.
+        let placed = self.along.as_ref().map_or(1.0, |along| along.report.scale.powi(3));
+        let determinants =
+            |jacobians: Vec<DMat3>| jacobians.iter().map(|j| j.determinant() / placed).collect::<Vec<f64>>();
         let corrected_change = determinants(self.jacobians()?);
         let Some(d) = &self.deformation else {
             let along = self.along.as_ref()?;

@@ -99,6 +99,8 @@ fn jacobians_are_the_derivatives_of_what_was_done() {
     let volume = outcome.report.volume.unwrap().overall;
     assert!((volume.rest - 8.0 * 0.096).abs() < 1e-13 && (volume.posed - volume.corrected).abs() < 1e-13);
     assert!(outcome.report.warnings.iter().any(|w| w.contains("2 times as large")));
+    let course = run(&plate(), toml).unwrap().course().unwrap();
+    assert!(course.posed_change.iter().chain(&course.corrected_change).all(|change| (change - 1.0).abs() < 1e-13));
 }
 
 #[test]
