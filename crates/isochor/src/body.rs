@@ -171,6 +171,12 @@ impl Body {
         VolumeGoal { volume: amount.of(rest.abs()) * sign(rest), ..goal }
     }
 
+    /// What is reported of the volumes of a pose that was not to be corrected.
+    pub(crate) fn free_rows(&self, posed: &[DVec3]) -> VolumeReport {
+        let posed = self.solid.volumes(posed);
+        self.rows(&posed, &posed, &[])
+    }
+
     /// The report's rows, oriented outwards; parts positive.
     pub(crate) fn rows(&self, posed: &Volumes, corrected: &Volumes, goals: &[VolumeGoal]) -> VolumeReport {
         let row = |volume: &dyn Fn(&Volumes) -> f64, sign: f64| VolumeRow {

@@ -555,10 +555,7 @@ impl Job {
         let (volume, correction, kept);
         if self.preserve.volume == VolumeTarget::Free {
             kept = body.ok();
-            volume = kept.as_ref().map(|body| {
-                let posed = body.solid.volumes(&points);
-                body.rows(&posed, &posed, &[])
-            });
+            volume = kept.as_ref().map(|body| body.free_rows(&points));
             correction = CorrectionReport::not_asked();
         } else {
             let body = body?;
@@ -702,10 +699,7 @@ impl Job {
         let mut points = laid.points.clone();
         if self.preserve.volume == VolumeTarget::Free {
             kept = body.ok();
-            volume = kept.as_ref().map(|body| {
-                let posed = body.solid.volumes(&points);
-                body.rows(&posed, &posed, &[])
-            });
+            volume = kept.as_ref().map(|body| body.free_rows(&points));
             correction = CorrectionReport::not_asked();
         } else {
             let body = body?;
