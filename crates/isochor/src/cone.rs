@@ -13,7 +13,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::arc::Arc;
-use crate::surface::{Jet, SurfaceError, size};
+use crate::surface::{Jet, SurfaceError, Tangents, Third, size};
 
 /// A cylinder or cone, or a part of one.
 #[derive(Clone, Debug, PartialEq)]
@@ -58,9 +58,19 @@ impl Cone {
         }
     }
 
+    pub(crate) fn third(&self, s: f64, t: f64) -> Third {
+        let ((sin, cos), rate) = (self.arc.sincos(s), self.arc.rate());
+        let [out, along] = [DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0)];
+        Third {
+            sss: -rate * rate * rate * self.radius(t) * along,
+            sst: -rate * rate * (self.radii[1] - self.radii[0]) * out,
+            ..Third::default()
+        }
+    }
+
     /// None at the apex.
-    pub(crate) fn normal(&self, t: f64, jet: &Jet) -> Option<DVec3> {
-        if self.radius(t) == 0.0 { None } else { jet.normal() }
+    pub(crate) fn normal(&self, t: f64, tangents: &Tangents) -> Option<DVec3> {
+        if self.radius(t) == 0.0 { None } else { tangents.normal() }
     }
 
     pub(crate) fn is_full(&self) -> bool {

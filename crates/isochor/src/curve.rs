@@ -8,7 +8,7 @@ use glam::{DVec3, DVec4};
 use crate::bspline::Basis;
 use crate::homogeneous::Homogeneous;
 use crate::interpolation::{Interpolation, Smoothness};
-use crate::patch::{inside, sites};
+use crate::patch::{BINOMIAL, go_on, inside, sites};
 use crate::pieces::Pieces;
 use crate::surface::SurfaceError;
 use crate::tolerances;
@@ -53,7 +53,7 @@ impl Curve {
         let net = Homogeneous::new(&controls, weights.as_deref())?;
         let pieces = Pieces::of(&basis);
         let mut curve = Self { basis, controls, weights, net, pieces, closes: false };
-        let ends = [0.0, 1.0].map(|u| curve.in_domain(u).point);
+        let ends = [0.0, 1.0].map(|u| curve.jet(u).point);
         curve.closes = ends[0].distance(ends[1]) <= tolerances::SEAM * curve.net.extent;
         Ok(curve)
     }
@@ -122,6 +122,11 @@ impl Curve {
         self.closes
     }
 
+    /// Whether it is a single polynomial, or quotient of two.
+    pub(crate) fn is_smooth(&self) -> bool {
+        self.pieces.is_single()
+    }
+
     /// Longest side of the control points' box.
     pub(crate) fn extent(&self) -> f64 {
         self.net.extent
@@ -130,39 +135,53 @@ impl Curve {
     /// Point and derivatives at u. A closed curve goes round; another goes on along its tangents at the ends.
     #[must_use]
     pub fn jet(&self, u: f64) -> CurveJet {
-        let (at, du) = inside(u, self.closes);
-        let jet = self.in_domain(at);
-        if du == 0.0 {
-            jet
-        } else {
-            CurveJet { point: jet.point + du * jet.first, first: jet.first, second: DVec3::ZERO }
-        }
+        let [point, first, second] = self.derivatives(u);
+        CurveJet { point, first, second }
     }
 
-    fn in_domain(&self, u: f64) -> CurveJet {
+    /// The third derivative at u.
+    pub(crate) fn third(&self, u: f64) -> DVec3 {
+        let [.., third] = self.derivatives::<4>(u);
+        third
+    }
+
+    /// The point at u and N − 1 derivatives.
+    fn derivatives<const N: usize>(&self, u: f64) -> [DVec3; N] {
+        let (at, du) = inside(u, self.closes);
+        let mut derivatives = self.in_domain(at);
+        if du != 0.0 {
+            go_on(&mut derivatives, du);
+        }
+        derivatives
+    }
+
+    fn in_domain<const N: usize>(&self, u: f64) -> [DVec3; N] {
         let length = self.pieces.length();
         if length <= ROW {
-            let [mut row, mut scratch] = [[0.0; 3 * ROW]; 2];
-            self.contracted(u, &mut row[..3 * length], &mut scratch[..3 * length])
+            let [mut row, mut scratch] = [[[0.0; N]; ROW]; 2];
+            self.contracted(u, &mut row[..length], &mut scratch[..length])
         } else {
-            let [mut row, mut scratch] = [0; 2].map(|_| vec![0.0; 3 * length]);
+            let [mut row, mut scratch] = [0; 2].map(|_| vec![[0.0; N]; length]);
             self.contracted(u, &mut row, &mut scratch)
         }
     }
 
-    fn contracted(&self, u: f64, row: &mut [f64], scratch: &mut [f64]) -> CurveJet {
-        let length = row.len() / 3;
-        let start = self.pieces.jet_row(u, row, scratch);
-        let points = &self.net.points[start..start + length];
-        let sum = |row: &[f64]| points.iter().zip(row).fold(DVec4::ZERO, |sum, (point, b)| sum + *b * *point);
-        let [a, a_1, a_2] = [0, 1, 2].map(|k| sum(&row[k * length..(k + 1) * length]));
-        let [mut point, mut first, mut second] = [a, a_1, a_2].map(DVec4::truncate);
-        if self.net.rational {
-            point /= a.w;
-            first = (first - a_1.w * point) / a.w;
-            second = (second - 2.0 * a_1.w * first - a_2.w * point) / a.w;
+    fn contracted<const N: usize>(&self, u: f64, row: &mut [[f64; N]], scratch: &mut [[f64; N]]) -> [DVec3; N] {
+        let start = self.pieces.derivatives(u, row, scratch);
+        let mut sums = [DVec4::ZERO; N];
+        for (point, b) in self.net.points[start..].iter().zip(&*row) {
+            sums.iter_mut().zip(b).for_each(|(sum, b)| *sum += *b * *point);
         }
-        CurveJet { point: self.net.origin + point, first, second }
+        let mut derivatives = sums.map(DVec4::truncate);
+        if self.net.rational {
+            // As for patches: (4.8).
+            for k in 0..N {
+                let lower = (1..=k).map(|i| BINOMIAL[k][i] * sums[i].w * derivatives[k - i]).sum::<DVec3>();
+                derivatives[k] = (derivatives[k] - lower) / sums[0].w;
+            }
+        }
+        derivatives[0] += self.net.origin;
+        derivatives
     }
 
     /// Ends of its polynomial pieces: 0 first, 1 last.

@@ -6,7 +6,7 @@ use glam::{DVec2, DVec3};
 
 use crate::arc_length::ArcLength;
 use crate::curve::Curve;
-use crate::surface::{Jet, SurfaceError, direction, size};
+use crate::surface::{Jet, SurfaceError, Third, direction, size};
 use crate::tolerances;
 
 /// A profile moved along a vector.
@@ -41,6 +41,14 @@ impl Extrusion {
         let curve = self.profile.jet(s);
         let zero = DVec3::ZERO;
         Jet { point: curve.point + t * self.along, s: curve.first, t: self.along, ss: curve.second, st: zero, tt: zero }
+    }
+
+    pub(crate) fn third(&self, s: f64) -> Third {
+        Third { sss: self.profile.third(s), ..Third::default() }
+    }
+
+    pub(crate) fn is_smooth(&self) -> bool {
+        self.profile.is_smooth()
     }
 
     pub(crate) fn closes(&self) -> bool {

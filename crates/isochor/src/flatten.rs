@@ -24,13 +24,13 @@
 
 use glam::DVec2;
 
-use crate::descent::{self, State};
-use crate::geodesic::{Station, grid_lengths, plane_lengths};
+use crate::descent::{self, State, Way};
+use crate::geodesic::{self, Station, grid_lengths, plane_lengths};
 use crate::parallel;
 use crate::sheet::Sheet;
 use crate::stress::Stress;
 use crate::stretch::{CellStretch, FlattenReport, Kept, folds, kept};
-use crate::surface::{Jet, Surface};
+use crate::surface::{Jet, Surface, Third};
 use crate::unroll::{Ribs, unrolled};
 
 /// How a surface is flattened.
@@ -47,6 +47,9 @@ pub struct FlattenOptions {
     pub start: FlattenStart,
     /// What errors of lengths count.
     pub weights: FlattenWeights,
+    /// Lengths on the surface are taken to this relative error; and to a tenth of what those on the sheet are off by, down to 5e-7, where that is
+    /// less. Smaller: it takes longer.
+    pub accuracy: f64,
     /// The search ends where a step lowers the stress by no more than this fraction of it.
     pub tolerance: f64,
     /// It ends after so many steps, too.
@@ -61,6 +64,7 @@ impl Default for FlattenOptions {
             method: FlattenMethod::default(),
             start: FlattenStart::default(),
             weights: FlattenWeights::default(),
+            accuracy: 3e-4,
             tolerance: 1e-6,
             iterations: 1000,
         }
@@ -139,6 +143,9 @@ pub enum FlattenError {
     /// A reach of 0.
     #[error("a reach of 0 holds no lengths: it needs at least 1, and 3 keeps sheets from folding")]
     NoReach,
+    /// An accuracy that is not a positive number.
+    #[error("the accuracy of lengths is {0}: it must be above 0; 3e-4 is good for surfaces that are not developable")]
+    Accuracy(f64),
     /// A tolerance that is negative or not a number.
     #[error("the tolerance is {0}: it must be 0 or more")]
     Tolerance(f64),
@@ -196,8 +203,12 @@ pub enum FlattenError {
     },
 }
 
+/// Lengths on a sheet are to be off, in root mean square, by at least so many times the error of those on the surface, or these are taken anew. Larger: they are
+/// better than can be seen in the sheet; smaller: their errors are.
+const TIMES: f64 = 10.0;
+
 /// Grid points whose jets one thread evaluates. Larger: small grids leave threads idle; smaller: threads are woken for little.
-const JETS: usize = 256;
+const JETS: usize = 32;
 
 /// The sheet of least stress of `surface`.
 ///
@@ -216,27 +227,30 @@ pub fn flatten(surface: &Surface, options: &FlattenOptions) -> Result<Flattened,
     if options.reach == 0 {
         return Err(FlattenError::NoReach);
     }
+    if !(options.accuracy > 0.0 && options.accuracy.is_finite()) {
+        return Err(FlattenError::Accuracy(options.accuracy));
+    }
     if tolerance.is_nan() || tolerance < 0.0 {
         return Err(FlattenError::Tolerance(tolerance));
     }
     let points = (cells[0] + 1) * (cells[1] + 1);
-    let jets =
-        parallel::map_chunks(points, JETS, |part| part.map(|k| jet(surface, cells, k)).collect::<Vec<_>>()).concat();
+    let both = parallel::map_chunks(points, JETS, |part| {
+        let at = |k| parameters(cells, k);
+        part.map(|k| surface.jet_and_third(at(k).x, at(k).y)).collect::<Vec<_>>()
+    });
+    let (jets, thirds): (Vec<Jet>, Vec<Third>) = both.into_iter().flatten().unzip();
     if let Some(k) = jets.iter().position(|jet| !is_finite(jet)) {
         return Err(FlattenError::NotFinite { at: parameters(cells, k) });
     }
-    let (stress, length_accuracy) = measured(surface, options, &jets)?;
-    let start = start(surface, options, &jets, &stress)?;
-    let start_stress = start.stress;
-    if !start_stress.is_finite() {
-        return Err(FlattenError::NotFinite { at: parameters(cells, 0) });
-    }
-    let way = match options.method {
-        FlattenMethod::QuasiNewton => descent::quasi_newton(&stress, start, tolerance, options.iterations),
-        FlattenMethod::Descent { step } if step > 0.0 && step.is_finite() => {
-            descent::fixed(&stress, start, step, tolerance, options.iterations)
+    let mut accuracy = options.accuracy;
+    let (stress, length_accuracy, way) = loop {
+        let (stress, error) = measured(surface, options, &jets, &thirds, accuracy)?;
+        let way = searched(&stress, start(surface, options, &jets, &stress)?, options)?;
+        let off = (way.state.stress / stress.scale()).sqrt();
+        if off >= TIMES * error || accuracy <= geodesic::LENGTH {
+            break (stress, error, way);
         }
-        FlattenMethod::Descent { step } => return Err(FlattenError::Step(step)),
+        accuracy = (off / TIMES).max(geodesic::LENGTH);
     };
     let flat = placed(way.state.places(), cells);
     let Kept { cells: stretches, length_error, area_error, folds } = kept(&stress, cells, &flat);
@@ -245,7 +259,7 @@ pub fn flatten(surface: &Surface, options: &FlattenOptions) -> Result<Flattened,
         status: way.status,
         iterations: way.course.len() - 1,
         stress: way.state.stress,
-        start_stress,
+        start_stress: way.course[0],
         length_accuracy,
         stretch: most(|cell| cell.largest),
         compression: most(|cell| -cell.smallest),
@@ -263,18 +277,34 @@ fn parameters(cells: [usize; 2], k: usize) -> DVec2 {
     DVec2::new(i as f64 / cells[0] as f64, j as f64 / cells[1] as f64)
 }
 
-fn jet(surface: &Surface, cells: [usize; 2], k: usize) -> Jet {
-    let at = parameters(cells, k);
-    surface.jet(at.x, at.y)
-}
-
 fn is_finite(jet: &Jet) -> bool {
     let Jet { point, s, t, ss, st, tt } = jet;
     [point, s, t, ss, st, tt].into_iter().all(|v| v.length_squared().is_finite())
 }
 
-/// The stress of the grid, and the relative error of its lengths.
-fn measured(surface: &Surface, options: &FlattenOptions, jets: &[Jet]) -> Result<(Stress, f64), FlattenError> {
+/// The way down from a start.
+fn searched(stress: &Stress, start: State, options: &FlattenOptions) -> Result<Way, FlattenError> {
+    let &FlattenOptions { cells, tolerance, iterations, .. } = options;
+    if !start.stress.is_finite() {
+        return Err(FlattenError::NotFinite { at: parameters(cells, 0) });
+    }
+    match options.method {
+        FlattenMethod::QuasiNewton => Ok(descent::quasi_newton(stress, start, tolerance, iterations)),
+        FlattenMethod::Descent { step } if step > 0.0 && step.is_finite() => {
+            Ok(descent::fixed(stress, start, step, tolerance, iterations))
+        }
+        FlattenMethod::Descent { step } => Err(FlattenError::Step(step)),
+    }
+}
+
+/// The stress of the grid, and the relative error of its lengths, no more than `accuracy` where that can be had.
+fn measured(
+    surface: &Surface,
+    options: &FlattenOptions,
+    jets: &[Jet],
+    thirds: &[Third],
+    accuracy: f64,
+) -> Result<(Stress, f64), FlattenError> {
     let &FlattenOptions { cells, reach, weights, .. } = options;
     // Steps longer than the grid reach nothing.
     let reach = reach.min(cells[0].max(cells[1]));
@@ -283,9 +313,9 @@ fn measured(surface: &Surface, options: &FlattenOptions, jets: &[Jet]) -> Result
     let lengths = match developed(surface, cells) {
         Some(flat) => plane_lengths(&flat, cells, reach),
         None => {
-            let station = |k: usize| Station::new(parameters(cells, k), &jets[k]);
+            let station = |k: usize| Station::new(parameters(cells, k), &jets[k], &thirds[k]);
             let stations: Vec<_> = (0..points).map(station).collect();
-            grid_lengths(surface, &stations, at, cells, reach).map_err(|(from, to)| {
+            grid_lengths(surface, &stations, at, cells, reach, accuracy).map_err(|(from, to)| {
                 let pole = [from, to].into_iter().find(|[i, j]| stations[i * (cells[1] + 1) + j].is_none());
                 match pole {
                     Some(pole) => FlattenError::NoTangentPlane { at: at(pole) },

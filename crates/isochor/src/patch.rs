@@ -17,6 +17,10 @@ use crate::tolerances;
 /// degrees need the heap.
 const ROW: usize = 10;
 
+/// Binomial coefficients.
+pub(crate) const BINOMIAL: [[f64; 4]; 4] =
+    [[1.0, 0.0, 0.0, 0.0], [1.0, 1.0, 0.0, 0.0], [1.0, 2.0, 1.0, 0.0], [1.0, 3.0, 3.0, 1.0]];
+
 /// A patch: control points, weights and two bases.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Patch {
@@ -30,11 +34,8 @@ pub struct Patch {
     poles: [Option<Option<DVec3>>; 4],
 }
 
-/// Derivatives that are only needed beyond the domain, beside a jet.
-struct Third {
-    sst: DVec3,
-    stt: DVec3,
-}
+/// Point and derivatives: `∂^{k+l} S / ∂s^k ∂t^l` at [k][l], k and l below N.
+pub(crate) type Partials<const N: usize> = [[DVec3; N]; N];
 
 impl Patch {
     /// The patch of `controls` (n × m, those of one i after the other: P_ij is `controls[i · m + j]`) for bases of n
@@ -128,6 +129,11 @@ impl Patch {
         self.weights.as_deref()
     }
 
+    /// Whether it is a single polynomial, or quotient of two.
+    pub(crate) fn is_smooth(&self) -> bool {
+        self.pieces.iter().all(Pieces::is_single)
+    }
+
     /// Whether s = 0 and s = 1, and t = 0 and t = 1, are the same curve.
     pub(crate) fn closes(&self) -> [bool; 2] {
         self.closes
@@ -138,26 +144,42 @@ impl Patch {
         &self.poles
     }
 
-    /// The jet at (s, t). A closed patch goes round; another goes on along its tangents at the border.
+    /// The jet at (s, t); see [`Patch::partials`].
     pub(crate) fn jet(&self, s: f64, t: f64) -> Jet {
-        let (s_in, ds) = inside(s, self.closes[0]);
-        let (t_in, dt) = inside(t, self.closes[1]);
-        let (jet, third) = self.with_rows(s_in, t_in);
-        if ds == 0.0 && dt == 0.0 { jet } else { beyond(&jet, &third, ds, dt) }
+        jet(&self.partials::<3>(s, t))
     }
 
-    /// The jet in the domain.
-    fn with_rows(&self, s: f64, t: f64) -> (Jet, Third) {
+    /// Point and derivatives at (s, t). A closed patch goes round; another goes on along its tangents at the border.
+    #[inline]
+    pub(crate) fn partials<const N: usize>(&self, s: f64, t: f64) -> Partials<N> {
+        let (s_in, ds) = inside(s, self.closes[0]);
+        let (t_in, dt) = inside(t, self.closes[1]);
+        let mut partials = self.in_domain(s_in, t_in);
+        if ds != 0.0 {
+            let slopes = partials[1];
+            partials[0].iter_mut().zip(slopes).for_each(|(value, slope)| *value += ds * slope);
+            partials[2..].fill([DVec3::ZERO; N]);
+        }
+        if dt != 0.0 {
+            partials.iter_mut().for_each(|row| go_on(row, dt));
+        }
+        partials
+    }
+
+    /// The same in the domain.
+    #[inline]
+    fn in_domain<const N: usize>(&self, s: f64, t: f64) -> Partials<N> {
+        let zero = [0.0; N];
         match [self.pieces[0].length(), self.pieces[1].length()] {
-            [4, 4] => self.contracted([s, t], [&mut [0.0; 12], &mut [0.0; 12]], &mut [0.0; 12]),
-            [3, 3] => self.contracted([s, t], [&mut [0.0; 9], &mut [0.0; 9]], &mut [0.0; 9]),
-            [2, 2] => self.contracted([s, t], [&mut [0.0; 6], &mut [0.0; 6]], &mut [0.0; 6]),
+            [4, 4] => self.contracted([s, t], [&mut [zero; 4], &mut [zero; 4]], &mut [zero; 4]),
+            [3, 3] => self.contracted([s, t], [&mut [zero; 3], &mut [zero; 3]], &mut [zero; 3]),
+            [2, 2] => self.contracted([s, t], [&mut [zero; 2], &mut [zero; 2]], &mut [zero; 2]),
             [p, q] if p <= ROW && q <= ROW => {
-                let [mut along_s, mut along_t, mut scratch] = [[0.0; 3 * ROW]; 3];
-                self.contracted([s, t], [&mut along_s[..3 * p], &mut along_t[..3 * q]], &mut scratch)
+                let [mut along_s, mut along_t, mut scratch] = [[zero; ROW]; 3];
+                self.contracted([s, t], [&mut along_s[..p], &mut along_t[..q]], &mut scratch)
             }
             [p, q] => {
-                let [mut along_s, mut along_t, mut scratch] = [p, q, p.max(q)].map(|length| vec![0.0; 3 * length]);
+                let [mut along_s, mut along_t, mut scratch] = [p, q, p.max(q)].map(|length| vec![zero; length]);
                 self.contracted([s, t], [&mut along_s, &mut along_t], &mut scratch)
             }
         }
@@ -165,54 +187,37 @@ impl Patch {
 
     /// Inlined, so that rows of known lengths become loops of these lengths.
     #[inline(always)]
-    fn contracted(&self, [s, t]: [f64; 2], [along_s, along_t]: [&mut [f64]; 2], scratch: &mut [f64]) -> (Jet, Third) {
-        let [p, q] = [along_s.len() / 3, along_t.len() / 3];
-        let first_s = self.pieces[0].jet_row(s, along_s, &mut scratch[..3 * p]);
-        let first_t = self.pieces[1].jet_row(t, along_t, &mut scratch[..3 * q]);
-        let (v0, v12) = along_t.split_at(q);
-        let (v1, v2) = v12.split_at(q);
-        let [mut a, mut a_s, mut a_t, mut a_ss, mut a_st, mut a_tt, mut a_sst, mut a_stt] = [DVec4::ZERO; 8];
+    fn contracted<const N: usize>(
+        &self,
+        [s, t]: [f64; 2],
+        [along_s, along_t]: [&mut [[f64; N]]; 2],
+        scratch: &mut [[f64; N]],
+    ) -> Partials<N> {
+        let [p, q] = [along_s.len(), along_t.len()];
+        let first_s = self.pieces[0].derivatives(s, along_s, &mut scratch[..p]);
+        let first_t = self.pieces[1].derivatives(t, along_t, &mut scratch[..q]);
         let m = self.bases[1].size();
-        for i in 0..p {
+        let mut sums = [[DVec4::ZERO; N]; N];
+        for (i, u) in along_s.iter().enumerate() {
             let start = (first_s + i) * m + first_t;
-            let [mut b, mut b_t, mut b_tt] = [DVec4::ZERO; 3];
-            for (((point, v0), v1), v2) in self.net.points[start..start + q].iter().zip(v0).zip(v1).zip(v2) {
-                b += *v0 * *point;
-                b_t += *v1 * *point;
-                b_tt += *v2 * *point;
+            let mut row = [DVec4::ZERO; N];
+            for (point, v) in self.net.points[start..start + q].iter().zip(&*along_t) {
+                row.iter_mut().zip(v).for_each(|(sum, v)| *sum += *v * *point);
             }
-            let [u0, u1, u2] = [along_s[i], along_s[p + i], along_s[2 * p + i]];
-            a += u0 * b;
-            a_s += u1 * b;
-            a_t += u0 * b_t;
-            a_ss += u2 * b;
-            a_st += u1 * b_t;
-            a_tt += u0 * b_tt;
-            a_sst += u2 * b_t;
-            a_stt += u1 * b_tt;
+            for (sums, u) in sums.iter_mut().zip(u) {
+                sums.iter_mut().zip(row).for_each(|(sum, of_row)| *sum += *u * of_row);
+            }
         }
-        let local = [a, a_s, a_t, a_ss, a_st, a_tt, a_sst, a_stt].map(DVec4::truncate);
-        let [mut point, mut s, mut t, mut ss, mut st, mut tt, mut sst, mut stt] = local;
-        if self.net.rational {
-            // A = w S, differentiated by Leibniz's rule and solved for the derivatives of S: (4.20).
-            let w = a.w;
-            point /= w;
-            s = (s - a_s.w * point) / w;
-            t = (t - a_t.w * point) / w;
-            ss = (ss - 2.0 * a_s.w * s - a_ss.w * point) / w;
-            st = (st - a_s.w * t - a_t.w * s - a_st.w * point) / w;
-            tt = (tt - 2.0 * a_t.w * t - a_tt.w * point) / w;
-            sst = (sst - a_t.w * ss - 2.0 * a_s.w * st - a_ss.w * t - 2.0 * a_st.w * s - a_sst.w * point) / w;
-            stt = (stt - a_s.w * tt - 2.0 * a_t.w * st - a_tt.w * s - 2.0 * a_st.w * t - a_stt.w * point) / w;
-        }
-        (Jet { point: self.net.origin + point, s, t, ss, st, tt }, Third { sst, stt })
+        let mut partials = if self.net.rational { quotient(&sums) } else { sums.map(|row| row.map(DVec4::truncate)) };
+        partials[0][0] += self.net.origin;
+        partials
     }
 
     /// Whether `|S_s × S_t|` is nothing wherever it is looked at: so often that a polynomial that is not 0 cannot hide.
     fn is_flat(&self) -> bool {
         let [over_s, over_t] = [0, 1].map(|axis| sites(&self.bases[axis]));
         let is_flat = |s: f64, t: f64| {
-            let jet = self.with_rows(s, t).0;
+            let jet = self.jet(s, t);
             let longer = jet.s.length().max(jet.t.length());
             jet.s.cross(jet.t).length() <= tolerances::FLAT_SURFACE * longer * self.net.extent
         };
@@ -223,7 +228,7 @@ impl Patch {
     fn meets(&self, axis: usize) -> bool {
         let at = |end: f64, along: f64| {
             let (s, t) = if axis == 0 { (end, along) } else { (along, end) };
-            self.with_rows(s, t).0.point
+            self.jet(s, t).point
         };
         let near = tolerances::SEAM * self.net.extent;
         let sites = sites(&self.bases[1 - axis]);
@@ -236,7 +241,7 @@ impl Patch {
     fn pole_at(&self, border: usize) -> Option<Option<DVec3>> {
         let (axis, end) = (border / 2, (border % 2) as f64);
         let sites = sites(&self.bases[1 - axis]);
-        let jet = |along: f64| if axis == 0 { self.with_rows(end, along).0 } else { self.with_rows(along, end).0 };
+        let jet = |along: f64| if axis == 0 { self.jet(end, along) } else { self.jet(along, end) };
         let corner = jet(0.0).point;
         if sites.iter().any(|x| jet(*x).point.distance(corner) > tolerances::SEAM * self.net.extent) {
             return None;
@@ -264,16 +269,35 @@ pub(crate) fn inside(u: f64, closes: bool) -> (f64, f64) {
     }
 }
 
-/// The jet ds and dt beyond the domain, with the jet at its border: `S + ds S_s + dt S_t + ds dt S_st`.
-fn beyond(jet: &Jet, third: &Third, ds: f64, dt: f64) -> Jet {
-    Jet {
-        point: jet.point + ds * jet.s + dt * jet.t + ds * dt * jet.st,
-        s: jet.s + dt * jet.st,
-        t: jet.t + ds * jet.st,
-        ss: if ds == 0.0 { jet.ss + dt * third.sst } else { DVec3::ZERO },
-        st: jet.st,
-        tt: if dt == 0.0 { jet.tt + ds * third.stt } else { DVec3::ZERO },
+/// What was at the border, d beyond it along the tangent: value and derivatives.
+pub(crate) fn go_on<const N: usize>(row: &mut [DVec3; N], d: f64) {
+    row[0] += d * row[1];
+    row[2..].fill(DVec3::ZERO);
+}
+
+/// The derivatives of S where those of A = w S are (x, y, z) of `sums` and those of w their w: Leibniz's rule, solved for the derivatives
+/// of S one after the other; (4.20).
+fn quotient<const N: usize>(sums: &[[DVec4; N]; N]) -> Partials<N> {
+    let mut partials = [[DVec3::ZERO; N]; N];
+    for k in 0..N {
+        for l in 0..N {
+            let mut rest = sums[k][l].truncate();
+            for i in 0..=k {
+                for j in 0..=l {
+                    // That of S itself is 0 yet.
+                    rest -= BINOMIAL[k][i] * BINOMIAL[l][j] * sums[i][j].w * partials[k - i][l - j];
+                }
+            }
+            partials[k][l] = rest / sums[0][0].w;
+        }
     }
+    partials
+}
+
+/// The jet among derivatives.
+pub(crate) fn jet<const N: usize>(partials: &Partials<N>) -> Jet {
+    let [s, t] = [partials[1][0], partials[0][1]];
+    Jet { point: partials[0][0], s, t, ss: partials[2][0], st: partials[1][1], tt: partials[0][2] }
 }
 
 /// Parameters in every span of a basis, 2 (degree + 1) of them and both ends: more than polynomials of twice the degree

@@ -21,6 +21,8 @@ pub(crate) struct Pieces {
     starts: Vec<u16>,
     /// c (#pieces × (p + 1) × (p + 1)), coefficients of one β after the other. Beyond the ends: values there, slopes, and nothing.
     coefficients: Vec<f64>,
+    /// Whether these are those of the Bernstein polynomials themselves.
+    is_bernstein: bool,
 }
 
 impl Pieces {
@@ -28,7 +30,8 @@ impl Pieces {
         let degree = basis.degree();
         let mut breaks = basis.knots()[degree..=basis.size()].to_vec();
         breaks.dedup();
-        let mut pieces = Self { degree, breaks: Vec::new(), starts: Vec::new(), coefficients: Vec::new() };
+        let mut pieces =
+            Self { degree, breaks: Vec::new(), starts: Vec::new(), coefficients: Vec::new(), is_bernstein: false };
         pieces.push_tangent(basis, 0.0);
         for ends in breaks.windows(2) {
             let start = pieces.pushed(degree + 1, |i, row| {
@@ -37,7 +40,9 @@ impl Pieces {
             pieces.starts.push(start);
         }
         pieces.push_tangent(basis, 1.0);
-        Self { breaks, ..pieces }
+        let is_unit = |(k, c): (usize, &f64)| *c == f64::from(k / (degree + 1) == k % (degree + 1));
+        let is_bernstein = breaks.len() == 2 && pieces.coefficients(1).iter().enumerate().all(is_unit);
+        Self { breaks, is_bernstein, ..pieces }
     }
 
     /// The piece beyond the domain's end `at`.
@@ -66,6 +71,11 @@ impl Pieces {
     /// Numbers per row: degree + 1.
     pub(crate) fn length(&self) -> usize {
         self.degree + 1
+    }
+
+    /// Whether there are no knots inside the domain.
+    pub(crate) fn is_single(&self) -> bool {
+        self.breaks.len() == 2
     }
 
     /// Number of pieces.
@@ -117,21 +127,24 @@ impl Pieces {
         }
     }
 
-    /// The functions that do not vanish at `u`, in the domain, with first and second derivatives: three rows in `rows`, `scratch`
-    /// holds as many numbers. Returns the index of the first function.
+    /// The functions that do not vanish at `u`, in the domain, with their derivatives of orders below N: an element of `rows` (p + 1) for
+    /// each function; `scratch` holds as many. Returns the index of the first function.
     ///
     /// Inlined, so that rows of a length that the caller knows become loops of that length.
     #[inline(always)]
-    pub(crate) fn jet_row(&self, u: f64, rows: &mut [f64], scratch: &mut [f64]) -> usize {
+    pub(crate) fn derivatives<const N: usize>(&self, u: f64, rows: &mut [[f64; N]], scratch: &mut [[f64; N]]) -> usize {
         let (piece, t) = self.place(u);
         let span = usize::from(piece) - 1;
-        let width = self.breaks[span + 1] - self.breaks[span];
-        let length = rows.len() / 3;
-        bernstein_jet(t, 1.0 / width, scratch, length);
-        for (row, betas) in rows.chunks_exact_mut(length).zip(scratch.chunks_exact(length)) {
-            row.fill(0.0);
-            for (beta, of_beta) in betas.iter().zip(self.coefficients(piece).chunks_exact(length)) {
-                row.iter_mut().zip(of_beta).for_each(|(sum, c)| *sum += beta * c);
+        let rate = 1.0 / (self.breaks[span + 1] - self.breaks[span]);
+        if self.is_bernstein {
+            bernstein_derivatives(t, rate, rows);
+            return 0;
+        }
+        bernstein_derivatives(t, rate, scratch);
+        rows.fill([0.0; N]);
+        for (beta, of_beta) in scratch.iter().zip(self.coefficients(piece).chunks_exact(rows.len())) {
+            for (sums, c) in rows.iter_mut().zip(of_beta) {
+                sums.iter_mut().zip(beta).for_each(|(sum, beta)| *sum += beta * c);
             }
         }
         self.start(piece)
@@ -153,42 +166,40 @@ fn bernstein(t: f64, values: &mut [f64]) {
     }
 }
 
-/// The Bernstein polynomials of degree `length − 1` at t with first and second derivatives by a parameter in which t runs `rate` times
-/// faster: three rows in `rows`. The derivatives are differences of the polynomials of one and two degrees less.
+/// The Bernstein polynomials of degree `rows.len() − 1` at t with their derivatives of orders below N by a parameter in which t runs
+/// `rate` times faster. The k-th derivatives are differences of the polynomials of k degrees less.
 #[inline(always)]
-fn bernstein_jet(t: f64, rate: f64, rows: &mut [f64], length: usize) {
-    let (values, derivatives) = rows.split_at_mut(length);
-    let (first, second) = derivatives.split_at_mut(length);
-    let (degree, s) = (length - 1, 1.0 - t);
-    let n = degree as f64;
-    second.fill(0.0);
-    values[0] = 1.0;
-    for j in 1..=degree {
-        // Here `values[..j]` are the polynomials of degree j − 1.
-        if j + 1 == degree {
-            let factor = n * (n - 1.0) * rate * rate;
-            for (i, value) in values[..j].iter().enumerate() {
-                second[i] += factor * value;
-                second[i + 1] -= 2.0 * factor * value;
-                second[i + 2] += factor * value;
-            }
+fn bernstein_derivatives<const N: usize>(t: f64, rate: f64, rows: &mut [[f64; N]]) {
+    let (degree, s) = (rows.len() - 1, 1.0 - t);
+    rows.fill([0.0; N]);
+    rows[0][0] = 1.0;
+    for j in 0..=degree {
+        // Here the values are the polynomials of degree j.
+        let order = degree - j;
+        if 0 < order && order < N {
+            rows[..=j].iter_mut().for_each(|row| row[order] = row[0]);
         }
-        if j == degree {
+        if j < degree {
             let mut saved = 0.0;
-            for (slope, value) in first.iter_mut().zip(&values[..j]) {
-                let new = n * rate * value;
-                *slope = saved - new;
+            for row in &mut rows[..=j] {
+                let old = row[0];
+                row[0] = saved + s * old;
+                saved = t * old;
+            }
+            rows[j + 1][0] = saved;
+        }
+    }
+    for order in 1..N.min(degree + 1) {
+        for m in degree - order + 1..=degree {
+            // From degree m − 1 to m.
+            let factor = m as f64 * rate;
+            let mut saved = 0.0;
+            for row in &mut rows[..=m] {
+                let new = factor * row[order];
+                row[order] = saved - new;
                 saved = new;
             }
-            first[degree] = saved;
         }
-        let mut saved = 0.0;
-        for value in &mut values[..j] {
-            let old = *value;
-            *value = saved + s * old;
-            saved = t * old;
-        }
-        values[j] = saved;
     }
 }
 

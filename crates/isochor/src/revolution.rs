@@ -4,7 +4,7 @@ use glam::DVec3;
 
 use crate::arc::Arc;
 use crate::curve::Curve;
-use crate::surface::{Jet, SurfaceError, direction};
+use crate::surface::{Jet, SurfaceError, Third, direction};
 use crate::tolerances;
 
 /// A profile turned about an axis.
@@ -52,14 +52,9 @@ impl Revolution {
     }
 
     pub(crate) fn jet(&self, s: f64, t: f64) -> Jet {
-        let (sin, cos) = self.arc.sincos(s);
         let curve = self.profile.jet(t);
         let (rate, axis) = (self.arc.rate(), self.axis);
-        let turned = |v: DVec3| {
-            let along = v.dot(axis) * axis;
-            along + cos * (v - along) + sin * axis.cross(v)
-        };
-        let [arm, t, tt] = [turned(curve.point - self.on_axis), turned(curve.first), turned(curve.second)];
+        let [arm, t, tt] = self.turned(s, [curve.point - self.on_axis, curve.first, curve.second]);
         Jet {
             point: self.on_axis + arm,
             s: rate * axis.cross(arm),
@@ -68,6 +63,28 @@ impl Revolution {
             st: rate * axis.cross(t),
             tt,
         }
+    }
+
+    pub(crate) fn third(&self, s: f64, t: f64) -> Third {
+        let curve = self.profile.jet(t);
+        let (rate, axis) = (self.arc.rate(), self.axis);
+        let vectors = [curve.point - self.on_axis, curve.first, curve.second, self.profile.third(t)];
+        let [arm, t, tt, ttt] = self.turned(s, vectors);
+        let around = |v: DVec3| rate * axis.cross(v);
+        Third { sss: around(around(around(arm))), sst: around(around(t)), stt: around(tt), ttt }
+    }
+
+    /// Vectors at the profile, turned about the axis.
+    fn turned<const N: usize>(&self, s: f64, vectors: [DVec3; N]) -> [DVec3; N] {
+        let ((sin, cos), axis) = (self.arc.sincos(s), self.axis);
+        vectors.map(|v| {
+            let along = v.dot(axis) * axis;
+            along + cos * (v - along) + sin * axis.cross(v)
+        })
+    }
+
+    pub(crate) fn is_smooth(&self) -> bool {
+        self.profile.is_smooth()
     }
 
     pub(crate) fn closes(&self) -> [bool; 2] {

@@ -6,7 +6,7 @@
 use glam::{DVec2, DVec3};
 
 use crate::arc::{Arc, sincos};
-use crate::surface::{Jet, SurfaceError, size};
+use crate::surface::{Jet, SurfaceError, Third, size};
 use crate::tolerances;
 
 /// A sphere, or a part of one between two meridians and two parallels.
@@ -54,10 +54,23 @@ impl Sphere {
         }
     }
 
+    pub(crate) fn third(&self, s: f64, t: f64) -> Third {
+        let ((sin, cos), (up, out)) = (self.longitudes.sincos(s), sincos(self.latitude(t)));
+        let [r_s, r_t] = self.rates();
+        let r = self.radius;
+        let [equator, east] = [DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0)];
+        Third {
+            sss: -r * r_s * r_s * r_s * out * east,
+            sst: r * r_s * r_s * r_t * up * equator,
+            stt: -r * r_s * r_t * r_t * out * east,
+            ttt: r * r_t * r_t * r_t * (up * equator - out * DVec3::Z),
+        }
+    }
+
     /// Outwards, also at the poles. Beyond a pole the formula comes down on the other side, and S_s × S_t points
     /// inwards.
-    pub(crate) fn normal(&self, t: f64, jet: &Jet) -> DVec3 {
-        let outward = jet.point / self.radius;
+    pub(crate) fn normal(&self, t: f64, point: DVec3) -> DVec3 {
+        let outward = point / self.radius;
         if self.latitude(t).abs() > 90.0 { -outward } else { outward }
     }
 

@@ -17,9 +17,10 @@
 
 use faer::linalg::solvers::{Llt, Solve};
 use faer::{Mat, Side};
+use fearless_simd::dispatch;
 use glam::{DMat2, DVec2};
 
-use crate::geodesic::GridLengths;
+use crate::geodesic::{GridLengths, step_index};
 use crate::parallel;
 
 /// Pairs of a part of the grid that one thread sums. Larger: small grids leave threads idle; smaller: rows at the borders of parts
@@ -97,10 +98,8 @@ impl Stress {
     ///
     /// Panics where it is none of them.
     pub(crate) fn length(&self, [i, j]: [usize; 2], step: [isize; 2]) -> f64 {
-        let is_it = |o: &usize| {
-            self.steps[*o] == step.map(isize::unsigned_abs) && self.is_backward[*o] == (step[1] < 0) && step[0] >= 0
-        };
-        let o = (0..self.steps.len()).find(is_it).expect("a step of the reach");
+        let reach = self.steps.last().map_or(0, |step| step[0]);
+        let o = step_index(reach, step).expect("a step of the reach");
         self.lengths[(i * self.steps.len() + o) * self.size[1] + j]
     }
 
@@ -116,9 +115,10 @@ impl Stress {
             let mut gradient = [vec![0.0; end - first], vec![0.0; end - first]];
             let mut pulls = [vec![0.0; columns], vec![0.0; columns]];
             let mut squares = vec![0.0; columns];
-            for i in part {
-                for run in (0..self.steps.len()).filter_map(|o| self.run(i, o)) {
-                    let Run { from, to, pairs, len } = run;
+            // The same numbers whatever the width of registers: nothing is fused, and each column has a sum of its own.
+            dispatch!(fearless_simd::Level::new(), _simd => {
+                for (i, o) in part.flat_map(|i| (0..self.steps.len()).map(move |o| (i, o))) {
+                    let Some(Run { from, to, pairs, len }) = self.run(i, o) else { continue };
                     let [x0, x1] = [&x[from..from + len], &x[to..to + len]];
                     let [y0, y1] = [&x[points + from..points + from + len], &x[points + to..points + to + len]];
                     let [d, w] = [&self.lengths[pairs..pairs + len], &self.weights[pairs..pairs + len]];
@@ -141,7 +141,7 @@ impl Stress {
                         minus.iter_mut().zip(&*pulls).for_each(|(g, p)| *g -= p);
                     }
                 }
-            }
+            });
             (first, 2.0 * squares.iter().sum::<f64>(), gradient)
         });
         let mut value = 0.0;

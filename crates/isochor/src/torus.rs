@@ -4,7 +4,7 @@
 use glam::DVec3;
 
 use crate::arc::Arc;
-use crate::surface::{Jet, SurfaceError, size};
+use crate::surface::{Jet, SurfaceError, Third, size};
 
 /// A torus, or a part of one.
 #[derive(Clone, Debug, PartialEq)]
@@ -37,6 +37,19 @@ impl Torus {
             ss: -r_s * r_s * from_axis * out,
             st: -r_s * r_t * r * rise * along,
             tt: -r * r_t * r_t * (reach * out + rise * DVec3::Z),
+        }
+    }
+
+    pub(crate) fn third(&self, s: f64, t: f64) -> Third {
+        let ((sin, cos), (rise, reach)) = (self.arc.sincos(s), self.tube.sincos(t));
+        let [r_s, r_t] = [self.arc.rate(), self.tube.rate()];
+        let [out, along] = [DVec3::new(cos, sin, 0.0), DVec3::new(-sin, cos, 0.0)];
+        let r = self.minor;
+        Third {
+            sss: -r_s * r_s * r_s * (self.major + r * reach) * along,
+            sst: r * r_s * r_s * r_t * rise * out,
+            stt: -r * r_s * r_t * r_t * reach * along,
+            ttt: r * r_t * r_t * r_t * (rise * out - reach * DVec3::Z),
         }
     }
 

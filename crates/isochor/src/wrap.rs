@@ -24,7 +24,7 @@ use glam::{DMat2, DMat3, DVec2, DVec3};
 use crate::locate::{LocateError, Locator, Place};
 use crate::parallel;
 use crate::sheet::Sheet;
-use crate::surface::Jet;
+use crate::surface::{Jet, Tangents};
 use crate::tolerances;
 
 /// A sheet, prepared for laying models on its surface.
@@ -140,14 +140,10 @@ enum Failure {
 }
 
 /// The surface below a vertex.
-struct Station {
-    /// Where the surface's formulas are taken: in [0, 1]².
-    jet: Jet,
-    normal: DVec3,
-    /// How far beyond that the vertex is.
-    beyond: DVec2,
-    /// S, with what is beyond.
+struct Foot {
+    /// S, with what is beyond the sheet.
     point: DVec3,
+    normal: DVec3,
 }
 
 /// Vertices per part. Larger: threads wait for one another in models of some ten thousand vertices; smaller: more to hand out.
@@ -204,7 +200,7 @@ impl Wrap {
     /// Vertices beyond the sheet, or where the surface has no normal.
     pub fn points(&self, places: &[DVec3]) -> Result<Vec<DVec3>, WrapError> {
         self.each(places, |q| {
-            let Station { point, normal, .. } = self.station(self.place(q.truncate())?)?;
+            let Foot { point, normal } = self.foot(self.place(q.truncate())?)?;
             Ok(point + q.z * normal)
         })
     }
@@ -216,7 +212,7 @@ impl Wrap {
     /// As [`Wrap::points`].
     pub fn feet(&self, places: &[DVec3]) -> Result<Feet, WrapError> {
         let both = self.each(places, |q| {
-            let Station { point, normal, .. } = self.station(self.place(q.truncate())?)?;
+            let Foot { point, normal } = self.foot(self.place(q.truncate())?)?;
             Ok((point, q.z * normal))
         })?;
         let (feet, offsets) = both.into_iter().unzip();
@@ -274,25 +270,21 @@ impl Wrap {
         if distance <= self.tolerance { Ok(place) } else { Err(Failure::Beyond(distance)) }
     }
 
-    fn station(&self, place: Place) -> Result<Station, Failure> {
-        let inner = place.parameters.clamp(DVec2::ZERO, DVec2::ONE);
-        let beyond = place.parameters - inner;
-        let (jet, normal) = self.sheet.surface().jet_and_normal(inner.x, inner.y);
+    fn foot(&self, place: Place) -> Result<Foot, Failure> {
+        let (inner, beyond) = parted(place.parameters);
+        let (tangents, normal) = self.sheet.surface().tangents_and_normal(inner.x, inner.y);
         let normal = normal.ok_or(Failure::NoNormal(place.parameters))?;
-        let mut point = jet.point;
-        if beyond != DVec2::ZERO {
-            point += beyond.x * jet.s + beyond.y * jet.t + beyond.x * beyond.y * jet.st;
-        }
-        Ok(Station { jet, normal, beyond, point })
+        Ok(Foot { point: tangents.beyond(beyond), normal })
     }
 
     /// p, (1), and the least of `1 − h κ`.
     fn derived(&self, q: DVec3) -> Result<(DVec3, DMat3, f64), Failure> {
         let place = self.place(q.truncate())?;
-        let station = self.station(place)?;
+        let (inner, beyond) = parted(place.parameters);
+        let (jet, normal) = self.sheet.surface().jet_and_normal(inner.x, inner.y);
+        let normal = normal.ok_or(Failure::NoNormal(place.parameters))?;
         let singular = Failure::Singular(place.parameters);
-        let Station { jet, normal, beyond, point } = station;
-        let [n_s, n_t] = station.normal_changes().ok_or(singular)?;
+        let [n_s, n_t] = normal_changes(&jet, normal, beyond).ok_or(singular)?;
         let along_s = jet.s + beyond.y * jet.st + q.z * n_s;
         let along_t = jet.t + beyond.x * jet.st + q.z * n_t;
         if place.slope.determinant() == 0.0 {
@@ -308,22 +300,25 @@ impl Wrap {
             // One of both directions is straight, so there is one factor to turn over.
             along_s.cross(along_t).dot(normal) / jet.s.cross(jet.t).length()
         };
-        Ok((point + q.z * normal, jacobian, factor))
+        Ok((Tangents::from(jet).beyond(beyond) + q.z * normal, jacobian, factor))
     }
 }
 
-impl Station {
-    /// n_s and n_t; 0 across a boundary beyond which the vertex is. None where that is undefined.
-    fn normal_changes(&self) -> Option<[DVec3; 2]> {
-        let Jet { s, t, ss, st, tt, .. } = self.jet;
-        let cross = s.cross(t);
-        let length = cross.length();
-        let change = |of_cross: DVec3| (of_cross - self.normal * self.normal.dot(of_cross)) / length;
-        let [n_s, n_t] = [change(ss.cross(t) + s.cross(st)), change(st.cross(t) + s.cross(tt))];
-        let [n_s, n_t] =
-            [(n_s, self.beyond.x), (n_t, self.beyond.y)].map(|(n, d)| if d == 0.0 { n } else { DVec3::ZERO });
-        (length > 0.0).then_some([n_s, n_t])
-    }
+/// Parameters in [0, 1]², where the surface's formulas are taken, and what is beyond.
+fn parted(parameters: DVec2) -> (DVec2, DVec2) {
+    let inner = parameters.clamp(DVec2::ZERO, DVec2::ONE);
+    (inner, parameters - inner)
+}
+
+/// n_s and n_t; 0 across a boundary beyond which the vertex is. None where that is undefined.
+fn normal_changes(jet: &Jet, normal: DVec3, beyond: DVec2) -> Option<[DVec3; 2]> {
+    let Jet { s, t, ss, st, tt, .. } = jet;
+    let cross = s.cross(*t);
+    let length = cross.length();
+    let change = |of_cross: DVec3| (of_cross - normal * normal.dot(of_cross)) / length;
+    let [n_s, n_t] = [change(ss.cross(*t) + s.cross(*st)), change(st.cross(*t) + s.cross(*tt))];
+    let [n_s, n_t] = [(n_s, beyond.x), (n_t, beyond.y)].map(|(n, d)| if d == 0.0 { n } else { DVec3::ZERO });
+    (length > 0.0).then_some([n_s, n_t])
 }
 
 impl Laid {

@@ -142,9 +142,25 @@ fn a_developable_patch_is_isometric_without_a_closed_form() {
 }
 
 #[test]
+fn lengths_are_better_than_the_sheet() {
+    for (height, cells) in [(0.4, [8, 7]), (0.05, [8, 7]), (0.01, [12, 12]), (0.001, [6, 6])] {
+        let report = flat(&waves(height), &options(cells)).report;
+        let needed = f64::max(0.1 * report.length_error.rms, 1e-6);
+        assert!(
+            report.length_accuracy <= needed,
+            "{height}: {} for {}",
+            report.length_accuracy,
+            report.length_error.rms
+        );
+    }
+    let fine = FlattenOptions { accuracy: 1e-7, ..options([8, 7]) };
+    assert!(flat(&waves(0.4), &fine).report.length_accuracy <= 1e-7);
+}
+
+#[test]
 fn the_gradient_vanishes() {
     let surface = waves(0.4);
-    let options = FlattenOptions { tolerance: 1e-12, ..options([8, 7]) };
+    let options = FlattenOptions { tolerance: 1e-12, accuracy: 5e-7, ..options([8, 7]) };
     let Flattened { sheet, report, .. } = flat(&surface, &options);
     let x = sheet.flat();
     let mut gradient = vec![DVec2::ZERO; x.len()];
@@ -320,6 +336,9 @@ fn what_cannot_be_flattened_is_refused() {
     let refused = |options: FlattenOptions| flatten(&surface, &options).unwrap_err();
     assert_eq!(refused(options([0, 3])), FlattenError::NoCells { cells: [0, 3] });
     assert_eq!(refused(FlattenOptions { reach: 0, ..options([3, 3]) }), FlattenError::NoReach);
+    for accuracy in [0.0, -1.0, f64::INFINITY] {
+        assert_eq!(refused(FlattenOptions { accuracy, ..options([3, 3]) }), FlattenError::Accuracy(accuracy));
+    }
     assert_eq!(refused(FlattenOptions { tolerance: -1.0, ..options([3, 3]) }), FlattenError::Tolerance(-1.0));
     for step in [0.0, -1.0, f64::INFINITY] {
         let method = FlattenMethod::Descent { step };
