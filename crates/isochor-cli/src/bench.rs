@@ -12,3 +12,14 @@ pub fn run(bench: &BenchCommand, threads: Option<u16>, terminal: &Terminal) -> R
         BenchCommand::Deform(args) => bench_deform::run(args, threads, terminal),
     }
 }
+
+/// Threads to measure with: one, and all where there are more.
+pub fn pools() -> Result<Vec<rayon::ThreadPool>, Failure> {
+    let mut threads = vec![1, rayon::current_num_threads()];
+    threads.dedup();
+    let failed = |error: rayon::ThreadPoolBuildError| {
+        Failure::usage("--threads", error.to_string(), "ask for fewer threads, or leave it out to use all cores")
+    };
+    let pool = |threads: &usize| rayon::ThreadPoolBuilder::new().num_threads(*threads).build().map_err(failed);
+    threads.iter().map(pool).collect()
+}

@@ -24,6 +24,7 @@ mod request;
 mod run;
 mod sheet_picture;
 mod stages;
+mod table;
 mod terminal;
 
 use std::process::ExitCode;

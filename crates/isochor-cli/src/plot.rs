@@ -1,16 +1,60 @@
 //! HB, figure 9: time against vertices, drawn as SVG, both axes logarithmic.
 
+use std::path::Path;
+
 use plotters::prelude::*;
 
 use crate::bench_lattice::{LatticeBench, ModelRow};
 use crate::failure::Failure;
+use crate::files::Pending;
 use crate::paper;
+use crate::request::has_extension;
 use crate::stages::Stage;
+use crate::table::threads;
+use crate::terminal::Terminal;
 
 /// Width and height in pixels.
 const SIZE: (u32, u32) = (880, 560);
 
-/// A line through points (vertices, milliseconds).
+/// A plot's file, if there is to be one.
+pub struct Plot<'a>(Option<&'a Path>);
+
+impl<'a> Plot<'a> {
+    /// Finds out whether it can be written before minutes are spent.
+    pub fn to(path: Option<&'a Path>) -> Result<Self, Failure> {
+        if let Some(path) = path {
+            if !has_extension(path, "svg") {
+                return Err(Failure::file(path, "is no .svg file", "plots are drawn as SVG: let the name end in .svg"));
+            }
+            Pending::default().add(path, &[])?;
+        }
+        Ok(Self(path))
+    }
+
+    pub fn write(&self, svg: impl FnOnce() -> Result<String, Failure>) -> Result<(), Failure> {
+        let Some(path) = self.0 else { return Ok(()) };
+        let mut pending = Pending::default();
+        pending.add(path, svg()?.as_bytes())?;
+        pending.commit()
+    }
+
+    /// Says that it is written.
+    pub fn tell(&self, terminal: &Terminal) {
+        if let Some(path) = self.0 {
+            terminal.say(&format!("wrote {}", path.display()));
+        }
+    }
+}
+
+/// Milliseconds against something.
+struct Chart {
+    caption: &'static str,
+    /// What is along x.
+    x: &'static str,
+    series: Vec<Series>,
+}
+
+/// A line through points (x, milliseconds).
 struct Series {
     name: String,
     color: RGBColor,
@@ -37,10 +81,7 @@ pub fn of_lattice_bench(bench: &LatticeBench) -> Result<String, Failure> {
         let point = |row: &ModelRow| (row.vertices as f64, row.runs[run].ms(stage));
         bench.models.iter().map(point).collect()
     };
-    let threads = |run: usize| match bench.models[0].runs[run].threads {
-        1 => "1 thread".into(),
-        threads => format!("{threads} threads"),
-    };
+    let threads = |run: usize| threads(bench.models[0].runs[run].threads);
     for (run, color) in (0..runs).zip(ONE_AXIS) {
         let name = format!("here, {}", threads(run));
         series.push(Series { name, color, points: here(run, Stage::Offsets) });
@@ -49,13 +90,7 @@ pub fn of_lattice_bench(bench: &LatticeBench) -> Result<String, Failure> {
         let name = format!("here, {}, nearest and moved", threads(last));
         series.push(Series { name, color: NEAREST, points: here(last, Stage::Nearest) });
     }
-    drawn(&series).map_err(|error| Failure {
-        exit: 2,
-        code: "plot",
-        what: format!("the plot cannot be drawn: {error}"),
-        place: "--plot".into(),
-        hint: "leave --plot out".into(),
-    })
+    Chart { caption: "Volume correction along one axis", x: "vertices", series }.svg()
 }
 
 /// From the power of ten below the least to that above the largest.
@@ -64,45 +99,57 @@ fn decades(numbers: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
     10f64.powf(ends.0.log10().floor())..10f64.powf(ends.1.log10().ceil())
 }
 
-fn drawn(series: &[Series]) -> Result<String, DrawingAreaErrorKind<std::io::Error>> {
-    let points = || series.iter().flat_map(|series| &series.points);
-    let mut text = String::new();
-    let root = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
-    root.fill(&WHITE)?;
-    let (x, y) = (decades(points().map(|p| p.0)), decades(points().map(|p| p.1)));
-    let mut chart = ChartBuilder::on(&root)
-        .caption("Volume correction along one axis", ("sans-serif", 18))
-        .margin(16)
-        .margin_right(40)
-        .x_label_area_size(44)
-        .y_label_area_size(64)
-        .build_cartesian_2d(x.log_scale(), y.log_scale())?;
-    chart
-        .configure_mesh()
-        .x_desc("vertices")
-        .y_desc("milliseconds")
-        .x_label_formatter(&|x| x.to_string())
-        .y_label_formatter(&|y| y.to_string())
-        .draw()?;
-    for Series { name, color, points } in series {
-        let line = LineSeries::new(points.iter().copied(), color.stroke_width(2));
-        let key = *color;
-        chart
-            .draw_series(line)?
-            .label(name)
-            .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], key.stroke_width(2)));
-        chart.draw_series(points.iter().map(|point| Circle::new(*point, 3, color.filled())))?;
+impl Chart {
+    fn svg(&self) -> Result<String, Failure> {
+        self.drawn().map_err(|error| Failure {
+            exit: 2,
+            code: "plot",
+            what: format!("the plot cannot be drawn: {error}"),
+            place: "--plot".into(),
+            hint: "leave --plot out".into(),
+        })
     }
-    chart
-        .configure_series_labels()
-        .position(SeriesLabelPosition::UpperLeft)
-        .background_style(WHITE)
-        .border_style(BLACK)
-        .draw()?;
-    root.present()?;
-    drop(chart);
-    drop(root);
-    Ok(text)
+
+    fn drawn(&self) -> Result<String, DrawingAreaErrorKind<std::io::Error>> {
+        let points = || self.series.iter().flat_map(|series| &series.points);
+        let mut text = String::new();
+        let root = SVGBackend::with_string(&mut text, SIZE).into_drawing_area();
+        root.fill(&WHITE)?;
+        let (x, y) = (decades(points().map(|p| p.0)), decades(points().map(|p| p.1)));
+        let mut chart = ChartBuilder::on(&root)
+            .caption(self.caption, ("sans-serif", 18))
+            .margin(16)
+            .margin_right(40)
+            .x_label_area_size(44)
+            .y_label_area_size(64)
+            .build_cartesian_2d(x.log_scale(), y.log_scale())?;
+        chart
+            .configure_mesh()
+            .x_desc(self.x)
+            .y_desc("milliseconds")
+            .x_label_formatter(&|x| x.to_string())
+            .y_label_formatter(&|y| y.to_string())
+            .draw()?;
+        for Series { name, color, points } in &self.series {
+            let line = LineSeries::new(points.iter().copied(), color.stroke_width(2));
+            let key = *color;
+            chart
+                .draw_series(line)?
+                .label(name)
+                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], key.stroke_width(2)));
+            chart.draw_series(points.iter().map(|point| Circle::new(*point, 3, color.filled())))?;
+        }
+        chart
+            .configure_series_labels()
+            .position(SeriesLabelPosition::UpperLeft)
+            .background_style(WHITE)
+            .border_style(BLACK)
+            .draw()?;
+        root.present()?;
+        drop(chart);
+        drop(root);
+        Ok(text)
+    }
 }
 
 #[cfg(test)]
