@@ -1,6 +1,7 @@
 //! Measurements as text: tables.
 
 use crate::bench_lattice::{LatticeBench, ModelRow, Run, StageTime};
+use crate::bench_surface::SurfaceBench;
 use crate::stages::Stage;
 use crate::table::{Table, figure, grouped, stated, threads};
 
@@ -144,4 +145,70 @@ fn stages(bench: &LatticeBench, run: usize, title: &str, cell: impl Fn(&StageTim
         table.row(&cells);
     }
     table.into_text()
+}
+
+/// All tables of `isochor bench surface`.
+pub fn of_surface_bench(bench: &SurfaceBench) -> String {
+    let of_surfaces = bench.surfaces.iter().flat_map(|row| &row.runs).flat_map(|run| [&run.flatten, &run.deform]);
+    let of_grids = bench.grids.iter().flat_map(|row| &row.reaches).flat_map(|row| &row.runs).map(|run| &run.flatten);
+    let note = format!(
+        "{} CO: {}. Its figure 3 is a plot without numbers, so none of them stand here.\n{}",
+        medians(of_surfaces.chain(of_grids).map(|time| time.runs)),
+        bench.paper_machine,
+        if bench.quick { quick_note("small grids") } else { String::new() }
+    );
+    [along_surfaces(bench), flattening(bench), note].join("\n")
+}
+
+/// CO's table 1.
+fn along_surfaces(bench: &SurfaceBench) -> String {
+    let counts: Vec<usize> =
+        bench.surfaces.first().map_or_else(Vec::new, |row| row.runs.iter().map(|r| r.threads).collect());
+    let here = || counts.iter().map(|count| format!("here, {}", threads(*count)));
+    let mut columns: Vec<String> = ["surface", "faces: CO", "here", "grid", "flatten: CO"].map(str::to_owned).into();
+    columns.extend(here());
+    columns.push("deform: CO".into());
+    columns.extend(here());
+    columns.extend(["deformed: vertices", "faces", "sheet: stretch, %", "compression, %"].map(str::to_owned));
+    let title = format!("CO, table 1: milliseconds, r = {}", bench.reach);
+    let mut table = Table::new(&title, &columns);
+    for row in &bench.surfaces {
+        let mut cells = vec![
+            format!("{}: {}", row.paper.figure, row.stand_in),
+            grouped(row.paper.polygons),
+            grouped(row.model_faces),
+            grid(row.paper.cells),
+            stated(row.paper.flatten_ms),
+        ];
+        cells.extend(row.runs.iter().map(|run| figure(run.flatten.ms)));
+        cells.push(stated(row.paper.deform_ms));
+        cells.extend(row.runs.iter().map(|run| figure(run.deform.ms)));
+        cells.extend([grouped(row.vertices), grouped(row.faces), figure(row.stretch), figure(row.compression)]);
+        table.row(&cells);
+    }
+    table.into_text()
+}
+
+/// CO's figure 3.
+fn flattening(bench: &SurfaceBench) -> String {
+    let mut columns = vec!["grid".to_owned()];
+    for row in bench.grids.first().map_or(&[][..], |row| &row.reaches) {
+        columns.extend(row.runs.iter().map(|run| format!("r = {}, {}", row.reach, threads(run.threads))));
+        columns.push("folded cells".into());
+    }
+    let mut table = Table::new("CO, figure 3: milliseconds of flattening the first surface", &columns);
+    for row in &bench.grids {
+        let mut cells = vec![grid(row.cells)];
+        for row in &row.reaches {
+            cells.extend(row.runs.iter().map(|run| figure(run.flatten.ms)));
+            cells.push(grouped(row.folded));
+        }
+        table.row(&cells);
+    }
+    table.into_text()
+}
+
+/// Cells along both directions.
+fn grid(cells: usize) -> String {
+    format!("{cells} × {cells}")
 }

@@ -1,10 +1,11 @@
-//! HB, figure 9: time against vertices, drawn as SVG, both axes logarithmic.
+//! HB, figure 9, time against vertices, and CO, figure 3, time against grid cells: drawn as SVG, both axes logarithmic.
 
 use std::path::Path;
 
 use plotters::prelude::*;
 
 use crate::bench_lattice::{LatticeBench, ModelRow};
+use crate::bench_surface::{GridRow, SurfaceBench};
 use crate::failure::Failure;
 use crate::files::Pending;
 use crate::paper;
@@ -67,6 +68,9 @@ const GPU: RGBColor = RGBColor(40, 70, 200);
 const ONE_AXIS: [RGBColor; 2] = [RGBColor(20, 120, 60), RGBColor(90, 190, 120)];
 const NEAREST: RGBColor = RGBColor(150, 110, 20);
 
+/// For r = 1, 2, 3.
+const REACHES: [RGBColor; 3] = [CPU, ONE_AXIS[0], GPU];
+
 /// The times of one axis here and in the paper, and of the smallest displacement with all threads.
 pub fn of_lattice_bench(bench: &LatticeBench) -> Result<String, Failure> {
     let paper = |name: &str, color, time: fn(&paper::Times) -> f64| Series {
@@ -91,6 +95,19 @@ pub fn of_lattice_bench(bench: &LatticeBench) -> Result<String, Failure> {
         series.push(Series { name, color: NEAREST, points: here(last, Stage::Nearest) });
     }
     Chart { caption: "Volume correction along one axis", x: "vertices", series }.svg()
+}
+
+/// The times of flattening with all threads.
+pub fn of_surface_bench(bench: &SurfaceBench) -> Result<String, Failure> {
+    let reaches = bench.grids.first().map_or(&[][..], |row| &row.reaches);
+    let mut series = Vec::with_capacity(reaches.len());
+    for (k, (row, color)) in reaches.iter().zip(REACHES).enumerate() {
+        let Some(last) = row.runs.len().checked_sub(1) else { continue };
+        let point = |grid: &GridRow| (grid.cells.pow(2) as f64, grid.reaches[k].runs[last].flatten.ms);
+        let name = format!("r = {}, {}", row.reach, threads(row.runs[last].threads));
+        series.push(Series { name, color, points: bench.grids.iter().map(point).collect() });
+    }
+    Chart { caption: "Flattening a surface", x: "grid cells", series }.svg()
 }
 
 /// From the power of ten below the least to that above the largest.
