@@ -71,7 +71,7 @@ pub enum Command {
     #[command(after_help = DEFORM_EXAMPLES)]
     Deform(Box<DeformArgs>),
     /// Measure times and memory on this machine.
-    #[command(after_help = "Examples:\n  isochor bench lattice\n  isochor bench deform")]
+    #[command(after_help = "Examples:\n  isochor bench lattice\n  isochor bench surface\n  isochor bench deform")]
     Bench {
         #[command(subcommand)]
         bench: BenchCommand,
@@ -100,6 +100,12 @@ pub enum BenchCommand {
         after_help = "Examples:\n  isochor bench lattice --plot performance.svg\n  isochor bench lattice --quick --json"
     )]
     Lattice(BenchLatticeArgs),
+    /// The table of the paper about surfaces, this machine beside it, and its plot for this machine, with 1 and all threads; takes half a
+    /// minute.
+    #[command(
+        after_help = "Examples:\n  isochor bench surface --plot flatten.svg\n  isochor bench surface --quick --json"
+    )]
+    Surface(BenchSurfaceArgs),
     /// Whole deformations of files of many sizes: times of all stages, and memory.
     #[command(
         after_help = "Examples:\n  isochor bench deform\n  isochor bench deform --vertices 25000000 --runs 1 --threads 2\n\n\
@@ -114,6 +120,16 @@ pub struct BenchLatticeArgs {
     #[arg(long)]
     pub quick: bool,
     /// Draw times against vertices to an .svg file.
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchSurfaceArgs {
+    /// Only small grids and few runs: a second instead of half a minute, and much noise.
+    #[arg(long)]
+    pub quick: bool,
+    /// Draw times of flattening against grid cells to an .svg file.
     #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
 }

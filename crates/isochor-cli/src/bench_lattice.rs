@@ -3,21 +3,17 @@
 //! For each model of the paper there is a [`isochor::shapes::stone`] with as many triangles. Between the stages of a model the memory is
 //! swept, so that a time is compared with what the memory did at that time.
 
-use std::path::Path;
-use std::time::Duration;
-
 use isochor::{Frame, shapes};
 
 use crate::args::BenchLatticeArgs;
 use crate::bandwidth::{Bandwidth, Sweeps};
+use crate::bench::pools;
 use crate::bench_tables;
 use crate::failure::Failure;
-use crate::files::Pending;
 use crate::median::Patience;
 use crate::non_zeros::non_zeros;
 use crate::paper::{self, NonZeros, Times};
-use crate::plot;
-use crate::request::has_extension;
+use crate::plot::{self, Plot};
 use crate::stages::{Bound, Stage, lattice_binding};
 use crate::terminal::Terminal;
 
@@ -94,50 +90,24 @@ struct Effort {
 }
 
 /// Caches of processors have up to some hundred megabytes.
-const THOROUGH: Effort = Effort {
-    patience: Patience { budget: Duration::from_millis(400), least_runs: 5 },
-    sweep: 512 << 20,
-    most_faces: usize::MAX,
-};
+const THOROUGH: Effort = Effort { patience: Patience::THOROUGH, sweep: 512 << 20, most_faces: usize::MAX };
 
-/// Enough to see that all works.
-const QUICK: Effort = Effort {
-    patience: Patience { budget: Duration::from_millis(5), least_runs: 1 },
-    sweep: 16 << 20,
-    most_faces: 12_000,
-};
+/// Small models are enough to see that all works.
+const QUICK: Effort = Effort { patience: Patience::QUICK, sweep: 16 << 20, most_faces: 12_000 };
 
 /// Measures, prints the tables and draws the plot.
 pub fn run(args: &BenchLatticeArgs, terminal: &Terminal) -> Result<(), Failure> {
-    if let Some(path) = &args.plot {
-        check_plot(path)?;
-    }
+    let plot = Plot::to(args.plot.as_deref())?;
     let bench = measured(args.quick, terminal)?;
-    if let Some(path) = &args.plot {
-        let mut pending = Pending::default();
-        pending.add(path, plot::of_lattice_bench(&bench)?.as_bytes())?;
-        pending.commit()?;
-    }
+    plot.write(|| plot::of_lattice_bench(&bench))?;
     terminal.answer(&bench, &bench_tables::of_lattice_bench(&bench));
-    if let Some(path) = &args.plot {
-        terminal.say(&format!("wrote {}", path.display()));
-    }
+    plot.tell(terminal);
     Ok(())
-}
-
-/// Whether the plot can be written, found out before minutes are spent.
-fn check_plot(path: &Path) -> Result<(), Failure> {
-    if !has_extension(path, "svg") {
-        return Err(Failure::file(path, "is no .svg file", "plots are drawn as SVG: let the name end in .svg"));
-    }
-    Pending::default().add(path, &[])
 }
 
 fn measured(quick: bool, terminal: &Terminal) -> Result<LatticeBench, Failure> {
     let effort = if quick { &QUICK } else { &THOROUGH };
-    let mut threads = vec![1, rayon::current_num_threads()];
-    threads.dedup();
-    let pools = threads.iter().map(|threads| pool(*threads)).collect::<Result<Vec<_>, _>>()?;
+    let pools = pools()?;
     let mut sweeps = Sweeps::over(effort.sweep);
     let mut models = paper::models();
     models.retain(|model| model.faces() <= effort.most_faces);
@@ -157,13 +127,6 @@ fn measured(quick: bool, terminal: &Terminal) -> Result<LatticeBench, Failure> {
         paper_machine: paper::MACHINE,
         models: rows,
     })
-}
-
-fn pool(threads: usize) -> Result<rayon::ThreadPool, Failure> {
-    let failed = |error: rayon::ThreadPoolBuildError| {
-        Failure::usage("--threads", error.to_string(), "ask for fewer threads, or leave it out to use all cores")
-    };
-    rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(failed)
 }
 
 /// All stages of a model with the threads of the pool it is called in.

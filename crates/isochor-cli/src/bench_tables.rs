@@ -1,7 +1,9 @@
-//! Measurements as text: tables in GitHub's flavour of Markdown, so that they can stand in a document as they are.
+//! Measurements as text: tables.
 
 use crate::bench_lattice::{LatticeBench, ModelRow, Run, StageTime};
+use crate::bench_surface::SurfaceBench;
 use crate::stages::Stage;
+use crate::table::{Table, figure, grouped, stated, threads};
 
 /// Bytes for a number of the matrix B: its 32-bit value and its 32-bit index.
 const SPARSE: usize = 8;
@@ -13,23 +15,7 @@ const IN_CACHE: usize = 4_000_000;
 const MEGA: f64 = 1e6;
 const GIGA: f64 = 1e9;
 
-/// A table: the first column is text, the others are numbers.
-struct Table(String);
-
-impl Table {
-    fn new(title: &str, columns: &[String]) -> Self {
-        let mut table = Self(format!("**{title}**\n\n"));
-        table.row(columns);
-        table.0 += &format!("|---|{}\n", "--:|".repeat(columns.len() - 1));
-        table
-    }
-
-    fn row(&mut self, cells: &[String]) {
-        self.0 += &format!("| {} |\n", cells.join(" | "));
-    }
-}
-
-/// All tables.
+/// All tables of `isochor bench lattice`.
 pub fn of_lattice_bench(bench: &LatticeBench) -> String {
     let Some(model) = bench.models.first() else { return String::new() };
     let mut tables = vec![sizes(bench), times(bench), limits(bench)];
@@ -42,19 +28,26 @@ pub fn of_lattice_bench(bench: &LatticeBench) -> String {
         tables.push(stages(bench, run, &title, |time| figure(time.sweeps)));
     }
     tables.push(bandwidths(bench));
-    let runs: Vec<usize> =
-        bench.models.iter().flat_map(|model| &model.runs).flat_map(|run| &run.stages).map(|time| time.runs).collect();
-    let (least, most) = (runs.iter().min().unwrap_or(&0), runs.iter().max().unwrap_or(&0));
-    let mut text = tables.join("\n");
-    text += &format!(
-        "\nMedians of {least} to {most} runs each. A sweep is the sum of an array of {:.0} MB. HB: {}.\n",
+    let times = bench.models.iter().flat_map(|model| &model.runs).flat_map(|run| &run.stages);
+    let note = format!(
+        "{} A sweep is the sum of an array of {:.0} MB. HB: {}.\n{}",
+        medians(times.map(|time| time.runs)),
         bench.sweep_bytes as f64 / MEGA,
-        bench.paper_machine
+        bench.paper_machine,
+        if bench.quick { quick_note("small models") } else { String::new() }
     );
-    if bench.quick {
-        text += "These are quick measurements of small models, with much noise: leave --quick out for figures.\n";
-    }
-    text
+    tables.push(note);
+    tables.join("\n")
+}
+
+/// Of how many runs medians are.
+fn medians(runs: impl Iterator<Item = usize> + Clone) -> String {
+    format!("Medians of {} to {} runs each.", runs.clone().min().unwrap_or(0), runs.max().unwrap_or(0))
+}
+
+/// What figures of `--quick` are of, and that they are rough.
+fn quick_note(of: &str) -> String {
+    format!("These are quick measurements of {of}, with much noise: leave --quick out for figures.\n")
 }
 
 /// HB's table 1.
@@ -77,7 +70,7 @@ fn sizes(bench: &LatticeBench) -> String {
             figure(row.kept_bytes as f64 / MEGA),
         ]);
     }
-    table.0
+    table.into_text()
 }
 
 /// HB's table 2.
@@ -102,7 +95,7 @@ fn times(bench: &LatticeBench) -> String {
         cells.extend(here(Stage::Offsets));
         table.row(&cells);
     }
-    table.0
+    table.into_text()
 }
 
 /// How long each stage takes for a vertex, of a model that fits into a cache and of the largest.
@@ -122,7 +115,7 @@ fn limits(bench: &LatticeBench) -> String {
         cells.extend(runs.iter().map(|(_, run)| figure(run.stages[k].sweeps)));
         table.row(&cells);
     }
-    table.0
+    table.into_text()
 }
 
 /// What the memory did meanwhile.
@@ -137,7 +130,7 @@ fn bandwidths(bench: &LatticeBench) -> String {
             [(*model).to_owned()].into_iter().chain(both.map(|bandwidth| figure(bandwidth / GIGA))).collect();
         table.row(&cells);
     }
-    table.0
+    table.into_text()
 }
 
 /// A cell for every stage of every model.
@@ -151,61 +144,71 @@ fn stages(bench: &LatticeBench, run: usize, title: &str, cell: impl Fn(&StageTim
         cells.extend(run.stages.iter().map(&cell));
         table.row(&cells);
     }
-    table.0
+    table.into_text()
 }
 
-fn threads(count: usize) -> String {
-    format!("{count} thread{}", if count == 1 { "" } else { "s" })
+/// All tables of `isochor bench surface`.
+pub fn of_surface_bench(bench: &SurfaceBench) -> String {
+    let of_surfaces = bench.surfaces.iter().flat_map(|row| &row.runs).flat_map(|run| [&run.flatten, &run.deform]);
+    let of_grids = bench.grids.iter().flat_map(|row| &row.reaches).flat_map(|row| &row.runs).map(|run| &run.flatten);
+    let note = format!(
+        "{} CO: {}. Its figure 3 is a plot without numbers, so none of them stand here.\n{}",
+        medians(of_surfaces.chain(of_grids).map(|time| time.runs)),
+        bench.paper_machine,
+        if bench.quick { quick_note("small grids") } else { String::new() }
+    );
+    [along_surfaces(bench), flattening(bench), note].join("\n")
 }
 
-/// A measured number: three digits, for more are noise.
-fn figure(x: f64) -> String {
-    const DIGITS: i32 = 3;
-    if x == 0.0 || !x.is_finite() {
-        return x.to_string();
+/// CO's table 1.
+fn along_surfaces(bench: &SurfaceBench) -> String {
+    let counts: Vec<usize> =
+        bench.surfaces.first().map_or_else(Vec::new, |row| row.runs.iter().map(|r| r.threads).collect());
+    let here = || counts.iter().map(|count| format!("here, {}", threads(*count)));
+    let mut columns: Vec<String> = ["surface", "faces: CO", "here", "grid", "flatten: CO"].map(str::to_owned).into();
+    columns.extend(here());
+    columns.push("deform: CO".into());
+    columns.extend(here());
+    columns.extend(["deformed: vertices", "faces", "sheet: stretch, %", "compression, %"].map(str::to_owned));
+    let title = format!("CO, table 1: milliseconds, r = {}", bench.reach);
+    let mut table = Table::new(&title, &columns);
+    for row in &bench.surfaces {
+        let mut cells = vec![
+            format!("{}: {}", row.paper.figure, row.stand_in),
+            grouped(row.paper.polygons),
+            grouped(row.model_faces),
+            grid(row.paper.cells),
+            stated(row.paper.flatten_ms),
+        ];
+        cells.extend(row.runs.iter().map(|run| figure(run.flatten.ms)));
+        cells.push(stated(row.paper.deform_ms));
+        cells.extend(row.runs.iter().map(|run| figure(run.deform.ms)));
+        cells.extend([grouped(row.vertices), grouped(row.faces), figure(row.stretch), figure(row.compression)]);
+        table.row(&cells);
     }
-    // After rounding, for 9.999 is 10.0.
-    let rounded = format!("{x:.*e}", DIGITS as usize - 1);
-    let exponent: i32 = rounded.split_once('e').and_then(|(_, exponent)| exponent.parse().ok()).unwrap_or_default();
-    match usize::try_from(DIGITS - 1 - exponent) {
-        Ok(decimals) => format!("{x:.decimals$}"),
-        Err(_) => grouped(x.round() as usize),
+    table.into_text()
+}
+
+/// CO's figure 3.
+fn flattening(bench: &SurfaceBench) -> String {
+    let mut columns = vec!["grid".to_owned()];
+    for row in bench.grids.first().map_or(&[][..], |row| &row.reaches) {
+        columns.extend(row.runs.iter().map(|run| format!("r = {}, {}", row.reach, threads(run.threads))));
+        columns.push("folded cells".into());
     }
-}
-
-/// A number as the paper has it.
-fn stated(x: f64) -> String {
-    if x.fract() == 0.0 { grouped(x as usize) } else { x.to_string() }
-}
-
-/// A whole number with commas.
-fn grouped(n: usize) -> String {
-    let digits = n.to_string();
-    let mut text = String::new();
-    for (i, digit) in digits.chars().enumerate() {
-        if i > 0 && (digits.len() - i).is_multiple_of(3) {
-            text.push(',');
+    let mut table = Table::new("CO, figure 3: milliseconds of flattening the first surface", &columns);
+    for row in &bench.grids {
+        let mut cells = vec![grid(row.cells)];
+        for row in &row.reaches {
+            cells.extend(row.runs.iter().map(|run| figure(run.flatten.ms)));
+            cells.push(grouped(row.folded));
         }
-        text.push(digit);
+        table.row(&cells);
     }
-    text
+    table.into_text()
 }
 
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn figures_have_three_digits_and_whole_numbers_commas() {
-        let cases =
-            [(0.0, "0"), (0.012_34, "0.0123"), (1.0, "1.00"), (9.999, "10.0"), (99.96, "100"), (1206.4, "1,206")];
-        for (x, expected) in cases {
-            assert_eq!(figure(x), expected);
-        }
-        assert_eq!(figure(f64::NAN), "NaN");
-        assert_eq!([0.02, 6.0, 1206.0].map(stated), ["0.02", "6", "1,206"]);
-        for (n, expected) in [(0, "0"), (999, "999"), (1000, "1,000"), (1_087_716, "1,087,716")] {
-            assert_eq!(grouped(n), expected);
-        }
-    }
+/// Cells along both directions.
+fn grid(cells: usize) -> String {
+    format!("{cells} × {cells}")
 }

@@ -5,6 +5,7 @@ mod bandwidth;
 mod bench;
 mod bench_deform;
 mod bench_lattice;
+mod bench_surface;
 mod bench_tables;
 mod demo;
 mod failure;
@@ -24,6 +25,8 @@ mod request;
 mod run;
 mod sheet_picture;
 mod stages;
+mod stand_in;
+mod table;
 mod terminal;
 
 use std::process::ExitCode;

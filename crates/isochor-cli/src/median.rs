@@ -11,6 +11,13 @@ pub struct Patience {
     pub least_runs: usize,
 }
 
+impl Patience {
+    /// For figures.
+    pub const THOROUGH: Self = Self { budget: Duration::from_millis(400), least_runs: 5 };
+    /// Enough to see that all works.
+    pub const QUICK: Self = Self { budget: Duration::from_millis(5), least_runs: 1 };
+}
+
 /// Runs after which a median has settled. More: small models take longer than they need.
 const MOST_RUNS: usize = 101;
 

@@ -1,10 +1,13 @@
-//! Tables 1 and 2 of the paper, for comparison.
+//! Tables of the papers, for comparison.
 //!
-//! S. Hahmann, G.-P. Bonneau, S. Barbier, G. Elber, H. Hagen, *Volume-preserving FFD for programmable graphics hardware*, The Visual
-//! Computer 28 (2012), section 7. Uniform cubic B-splines. The paper's "volume" is the time in which the displacement of the control
+//! HB, tables 1 and 2: S. Hahmann, G.-P. Bonneau, S. Barbier, G. Elber, H. Hagen, *Volume-preserving FFD for programmable graphics
+//! hardware*, The Visual Computer 28 (2012), section 7. Uniform cubic B-splines. The paper's "volume" is the time in which the displacement of the control
 //! points along one axis is found for a pose: its volume, α by HB (10), and δ by HB (17); moving the vertices comes on top ("FFD").
+//!
+//! CO, table 1: B.-Y. Chen, Y. Ono, H. Johan, M. Ishii, T. Nishita, J. Feng, *3D model deformation along a parametric surface*, 2002,
+//! section 4. Its figure 3, time of flattening against the number of grid cells, is a plot without numbers.
 
-/// What the paper computed on.
+/// What HB computed on.
 pub const MACHINE: &str = "Intel 2.13 GHz, NVIDIA GeForce 8800 GTS";
 
 /// Control points along each side of the lattice in [`TABLE_2`], and in the first column of [`TABLE_1`].
@@ -69,7 +72,7 @@ pub const TABLE_2: [Times; 8] = [
     times("Dragon", 437_645, [3.56, 1206.0, 156.0]),
 ];
 
-/// A model of the paper: its rows of the tables that have it.
+/// A model of HB: its rows of the tables that have it.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Model {
     pub name: &'static str,
@@ -88,6 +91,34 @@ pub fn models() -> Vec<Model> {
     models.sort_by_key(Model::vertices);
     models
 }
+
+/// What CO computed on.
+pub const SURFACE_MACHINE: &str = "Xeon 2 GHz";
+
+/// Grid steps over which CO keeps lengths in [`SURFACES`]: its r.
+pub const SURFACE_REACH: usize = 3;
+
+/// A row of CO's table 1: milliseconds.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct SurfaceTimes {
+    /// Where the surface and what lies on it are shown.
+    pub figure: &'static str,
+    /// Polygons of the model, before faces are divided; they stand in the text.
+    pub polygons: usize,
+    /// Grid cells along both directions.
+    pub cells: usize,
+    /// Flattening the surface.
+    pub flatten_ms: f64,
+    /// Deforming the model along it.
+    pub deform_ms: f64,
+}
+
+/// CO, table 1: a thin plate along the first two surfaces, a dolphin along the last.
+pub const SURFACES: [SurfaceTimes; 3] = [
+    SurfaceTimes { figure: "Figure 8", polygons: 6, cells: 10, flatten_ms: 166.0, deform_ms: 12.0 },
+    SurfaceTimes { figure: "Figure 9", polygons: 6, cells: 10, flatten_ms: 128.4, deform_ms: 16.0 },
+    SurfaceTimes { figure: "Figure 10", polygons: 73_665, cells: 16, flatten_ms: 777.0, deform_ms: 186.2 },
+];
 
 impl Model {
     /// Vertices of a closed surface without handles that has as many triangles. An odd number, which no closed surface has, becomes the
@@ -118,13 +149,32 @@ mod tests {
         }
     }
 
-    /// Of the file with the numbers of all papers, which was made by others.
+    /// The file with the numbers of all papers, which was made by others.
+    fn reference() -> serde_json::Value {
+        let Some(folder) = option_env!("ISOCHOR_SHARED_DIR") else { panic!("build.rs found no folder") };
+        let text = std::fs::read_to_string(format!("{folder}/reference/paper_tables.json")).unwrap();
+        serde_json::from_str(&text).unwrap()
+    }
+
+    #[test]
+    #[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+    fn rows_of_surfaces_are_those_of_the_reference_file() {
+        let table = &reference()["CO"]["table1_ms"];
+        assert_eq!(table["machine"], format!("{SURFACE_MACHINE}; r = {SURFACE_REACH}"));
+        let rows = table["rows"].as_array().unwrap();
+        assert_eq!(rows.len(), SURFACES.len());
+        for (row, expected) in SURFACES.iter().zip(rows) {
+            let grid = format!("{0}x{0}", row.cells);
+            assert_eq!((row.figure, &grid[..]), (expected[0].as_str().unwrap(), expected[1].as_str().unwrap()));
+            let times = [row.flatten_ms, row.deform_ms];
+            assert_eq!(times, [2, 3].map(|column| expected[column].as_f64().unwrap()), "{}", row.figure);
+        }
+    }
+
     #[test]
     #[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
     fn rows_are_those_of_the_reference_file() {
-        let Some(folder) = option_env!("ISOCHOR_SHARED_DIR") else { panic!("build.rs found no folder") };
-        let text = std::fs::read_to_string(format!("{folder}/reference/paper_tables.json")).unwrap();
-        let reference: serde_json::Value = serde_json::from_str(&text).unwrap();
+        let reference = reference();
         let rows = |table: &str| reference["HB"][table]["rows"].as_array().unwrap().clone();
         let table_1 = rows("table1_nonzeros_of_B");
         assert_eq!(table_1.len(), TABLE_1.len());
