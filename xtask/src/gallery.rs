@@ -1,8 +1,8 @@
 //! `cargo xtask gallery`: runs the example jobs and the demo, and makes the gallery page and its pictures anew.
 //!
 //! What the page says of a job is the comment at the job's head, up to its first empty line. There, a line `Volume without correction: paper
-//! -28 %, here …` has the paper's number, and `Vertices: paper 710322 …, here …` its number of vertices; the numbers of ours are those of the
-//! run's report.
+//! -28 %, here …` has the paper's number, `Vertices: paper 710322 …, here …` its number of vertices, and `Polygons: paper 6, here …` that of
+//! polygons; the numbers of ours are those of the run's report.
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -23,8 +23,9 @@ const HEAD: &str = "# Gallery
 
 Made by `cargo xtask gallery` from the jobs in `examples/jobs` and those of the demo; the numbers of ours are those of the runs. Pictures show the
 model at rest, deformed by the edits, and corrected, all with one camera; here they are smaller than what the commands write. Their colours are
-those of the surface, where a corrected model may still be blue: what was lost there was given back inside. More of colours is on
-[pictures.md](pictures.md), more of the paper's figures on [figures.md](figures.md).
+those of the surface, where a corrected model may still be blue: what was lost there was given back inside. Models along surfaces are at rest on
+the flattened sheet, deformed along the surface, and corrected, all with the lines of the flattening grid. More of colours is on
+[pictures.md](pictures.md), more of HB's figures on [figures.md](figures.md), more of surfaces on [surface.md](surface.md).
 ";
 
 /// Jobs of one kind.
@@ -44,7 +45,7 @@ struct Section {
     flags: &'static [&'static str],
 }
 
-const SECTIONS: [Section; 5] = [
+const SECTIONS: [Section; 6] = [
     Section {
         title: "The paper's figures",
         from: "examples/jobs/figures",
@@ -69,6 +70,15 @@ const SECTIONS: [Section; 5] = [
         place: "examples/jobs/locality",
         shown: "examples/jobs/locality",
         prefix: "locality-",
+        before: "",
+        flags: &[],
+    },
+    Section {
+        title: "Along surfaces",
+        from: "examples/jobs/surface",
+        place: "examples/jobs/surface",
+        shown: "examples/jobs/surface",
+        prefix: "surface-",
         before: "",
         flags: &[],
     },
@@ -99,7 +109,7 @@ pub fn make() -> Result<(), String> {
     for folder in [PICTURES, WORK] {
         std::fs::create_dir_all(folder).map_err(|error| format!("{folder}: {error}"))?;
     }
-    for picture in files(PICTURES, ".png")? {
+    for picture in [files(PICTURES, ".png")?, files(PICTURES, ".svg")?].concat() {
         std::fs::remove_file(&picture).map_err(|error| format!("{picture}: {error}"))?;
     }
     isochor(&["demo", &format!("{WORK}/isochor-demo")])?;
@@ -145,15 +155,23 @@ fn entry(job: &str, section: &Section) -> Result<String, String> {
     let text = std::fs::read_to_string(job).map_err(|error| format!("{job}: {error}"))?;
     let file = Path::new(job).file_name().unwrap_or_default().to_string_lossy().into_owned();
     let stem = file.trim_end_matches(".toml");
-    let is_film = text.lines().any(|line| line.starts_with("frames"));
+    let has = |key: &str| text.lines().any(|line| line.starts_with(key));
+    let is_film = has("frames");
     let placed = format!("{}/{file}", section.place);
     if placed != job {
         std::fs::write(&placed, &text).map_err(|error| format!("{placed}: {error}"))?;
     }
 
     let base = format!("{}{}", section.prefix, stem.trim_end_matches("-film"));
-    let names = if is_film { vec![format!("{base}-strip"), format!("{base}-film")] } else { vec![base] };
-    let pictures: Vec<String> = names.iter().map(|name| format!("{PICTURES}/{name}.png")).collect();
+    let sheet = has("sheet").then(|| format!("{base}-sheet.svg"));
+    let mut names = if is_film {
+        vec![format!("{base}-strip.png"), format!("{base}-film.png")]
+    } else {
+        vec![format!("{base}.png")]
+    };
+    let pictures: Vec<String> = names.iter().map(|name| format!("{PICTURES}/{name}")).collect();
+    let sheet_picture = sheet.as_ref().map(|name| format!("{PICTURES}/{name}"));
+    names.extend(sheet);
     let model = format!("{WORK}/{}{stem}.ply", section.prefix);
     let report = format!("{WORK}/{}{stem}.json", section.prefix);
     let size = if is_film { OF_FILM } else { OF_PICTURE };
@@ -163,15 +181,19 @@ fn entry(job: &str, section: &Section) -> Result<String, String> {
     if let Some(animation) = pictures.get(1) {
         arguments.extend(["--animation", animation]);
     }
+    if let Some(sheet) = &sheet_picture {
+        arguments.extend(["--sheet", sheet]);
+    }
     let report = isochor(&arguments)?;
 
     let comment = text.lines().map_while(|line| line.strip_prefix('#')).map(str::trim);
-    let (mut about, mut paper_volume, mut paper_vertices) = (Vec::new(), None, None);
+    let (mut about, mut of_paper) = (Vec::new(), OfPaper::default());
     for line in comment.take_while(|line| !line.is_empty() && !line.starts_with("In this folder")) {
         let paper = |line: &str| Some(line.strip_prefix(" paper ")?.rsplit_once(", here")?.0.to_owned());
         match line.split_once(':') {
-            Some(("Volume without correction", numbers)) => paper_volume = paper(numbers),
-            Some(("Vertices", numbers)) => paper_vertices = paper(numbers),
+            Some(("Volume without correction", numbers)) => of_paper.volume = paper(numbers),
+            Some(("Vertices", numbers)) => of_paper.vertices = paper(numbers),
+            Some(("Polygons", numbers)) => of_paper.polygons = paper(numbers),
             _ => about.push(line),
         }
     }
@@ -187,22 +209,34 @@ fn entry(job: &str, section: &Section) -> Result<String, String> {
     let title = format!("{}{}", shown[..1].to_uppercase(), &shown[1..]);
     let mut part = format!("\n### {title}\n\n{about}{end}\n\n");
     for name in &names {
-        writeln!(part, "![{title}](gallery/{name}.png)").expect("text");
+        writeln!(part, "![{title}](gallery/{name})").expect("text");
     }
-    part += &numbers(&report, paper_volume, paper_vertices);
+    part += &numbers(&report, of_paper);
     let flags: String = section.flags.iter().map(|flag| format!(" {flag}")).collect();
     let (before, shown) = (section.before, section.shown);
     write!(part, "\n```sh\n{before}isochor deform --job {shown}/{file}{flags}\n```\n").expect("text");
     Ok(part)
 }
 
+/// What the paper says of a job, as its comment has it.
+#[derive(Default)]
+struct OfPaper {
+    /// Change without correction.
+    volume: Option<String>,
+    vertices: Option<String>,
+    polygons: Option<String>,
+}
+
 /// A table of the paper's numbers and ours; without its column where it has none.
-fn numbers(report: &Value, paper_volume: Option<String>, paper_vertices: Option<String>) -> String {
+fn numbers(report: &Value, of_paper: OfPaper) -> String {
     let frames = report["frames"].as_array();
-    let volumes: Vec<&Value> = match frames {
-        Some(frames) => frames.iter().map(|frame| &frame["volume"]).collect(),
-        None => vec![&report["volume"]],
+    let each = |key: &str| -> Vec<&Value> {
+        match frames {
+            Some(frames) => frames.iter().map(|frame| &frame[key]).collect(),
+            None => vec![&report[key]],
+        }
     };
+    let volumes = each("volume");
     let number = |volume: &Value, key: &str| volume[key].as_f64().unwrap_or(f64::NAN);
     let changes = volumes.iter().map(|volume| 100.0 * (number(volume, "posed") / number(volume, "rest") - 1.0));
     let farthest = changes.max_by(|a, b| a.abs().total_cmp(&b.abs())).unwrap_or(f64::NAN);
@@ -214,11 +248,32 @@ fn numbers(report: &Value, paper_volume: Option<String>, paper_vertices: Option<
             }
         });
     let at = if frames.is_some() { " (the frame that changes it most)" } else { "" };
-    let rows = [
-        (format!("volume without correction{at}"), paper_volume, format!("{farthest:+.2} %")),
-        ("vertices".into(), paper_vertices, report["model"]["vertices"].to_string()),
+    let model = &report["model"];
+    let mut rows = vec![
+        (format!("volume without correction{at}"), of_paper.volume, format!("{farthest:+.2} %")),
+        ("vertices".into(), of_paper.vertices, model["vertices"].to_string()),
         ("largest relative error of corrected volumes".into(), None, error),
     ];
+    let surfaces = each("surface");
+    if surfaces.iter().all(|surface| surface.is_object()) {
+        let most = |number: &dyn Fn(&Value) -> f64| surfaces.iter().map(|surface| number(surface)).fold(0.0, f64::max);
+        let added = most(&|surface| number(surface, "edge_points") + number(surface, "face_points"));
+        let after = number(model, "vertices") + added;
+        let [stretch, compression] =
+            ["stretch", "compression"].map(|key| most(&|surface| number(&surface["flattening"], key)));
+        rows.splice(
+            2..2,
+            [
+                ("vertices after subdivision".into(), None, after.to_string()),
+                ("polygons".into(), of_paper.polygons, model["faces"].to_string()),
+                (
+                    "largest stretch and compression of the sheet".into(),
+                    None,
+                    format!("{stretch:.2} %, {compression:.2} %"),
+                ),
+            ],
+        );
+    }
     let has_paper = rows.iter().any(|row| row.1.is_some());
     let mut table = if has_paper { "\n| | paper | here |\n|---|---|---|\n" } else { "\n| | |\n|---|---|\n" }.to_owned();
     for (what, paper, here) in rows {

@@ -200,7 +200,7 @@ pub struct DeformArgs {
     /// Width and height of a pose in pictures, in pixels: 520x520.
     #[arg(long, value_name = "WxH", help_heading = "Pictures")]
     pub size: Option<String>,
-    /// Draw pictures without the lattice.
+    /// Draw pictures without the lattice, or the grid of the surface.
     #[arg(long, help_heading = "Pictures")]
     pub no_lattice: bool,
 

@@ -107,14 +107,16 @@ impl FilmPictures {
             }
             ColorBy::Displacement | ColorBy::Plain => None,
         };
-        let lattice = outcome.controls.as_ref().filter(|_| request.job.view.lattice);
+        let lattice = match &outcome.controls {
+            Some(controls) => {
+                Some(ShownLattice { size: controls.lattice.size(), controls: controls.posed.clone().into() })
+            }
+            None => outcome.sheet().map(|drawing| ShownLattice::of_surface(drawing.sheet())),
+        };
         self.poses.push(ShownPose {
             name: format!("t = {time:.2}"),
             points: outcome.points.clone().into(),
-            lattice: lattice.map(|controls| ShownLattice {
-                size: controls.lattice.size(),
-                controls: controls.posed.clone().into(),
-            }),
+            lattice: lattice.filter(|_| request.job.view.lattice),
             volume: outcome.report.volume.as_ref().map(|volume| volume.overall.corrected),
             volume_change: change,
         });

@@ -195,6 +195,32 @@ fn more_frames_than_a_process_may_have_open_files() {
     assert!(folder.path("many-1100.stl").is_file());
 }
 
+/// A cylinder whose radius grows, with a plate that is laid round it.
+#[test]
+fn films_along_surfaces_report_the_surface_of_every_frame() {
+    let folder = Folder::with(
+        "model = \"shape:plate?n=12\"\noutput = \"out.ply\"\nframes = 3\nview.size = [100, 120]\n[surface]\nkind = \"cylinder\"\n\
+         radius = { keys = [[0, 0.5], [1, 1]] }\nheight = 2\ngrid = [8, 4]\nrefine = \"off\"\n",
+    );
+    let report = folder.film("--job film.toml");
+    for (f, frame) in report["frames"].as_array().unwrap().iter().enumerate() {
+        assert_eq!(frame["surface"]["cells"], serde_json::json!([8, 4]));
+        let scale = frame["surface"]["height_scale"].as_f64().unwrap();
+        let radius = 0.5 + 0.25 * f as f64;
+        let heights: Vec<f64> =
+            folder.points(&format!("out-000{}.ply", f + 1)).iter().map(|p| p.truncate().length() - radius).collect();
+        // The plate is 0.05 high.
+        assert!(heights.iter().all(|h| h.abs().min((h - 0.05 * scale).abs()) < 1e-12), "frame {f}: {heights:?}");
+        assert!(frame["volume"]["relative_error"].as_f64().unwrap() <= 1e-13);
+    }
+    // The grid of the surface is drawn, or not.
+    let [with, without] = ["", "--no-lattice"].map(|flags| {
+        folder.film(&format!("--job film.toml {flags}"));
+        std::fs::read(folder.path("out-strip.png")).unwrap()
+    });
+    assert!(with != without);
+}
+
 #[test]
 fn example_films_run() {
     let films = Path::new(env!("CARGO_MANIFEST_DIR")).join("../../examples/jobs/films");

@@ -122,7 +122,7 @@ impl Panel<'_> {
         }
     }
 
-    /// Lines between neighbouring control points, and the control points.
+    /// Lines between neighbouring control points, and the control points; of a grid the lines alone.
     fn strokes(&self, screen: &Screen) -> (Vec<Stroke>, Vec<Stroke>) {
         let Some(lattice) = self.lattice else { return (Vec::new(), Vec::new()) };
         let seen: Vec<DVec3> = lattice.controls.iter().map(|c| self.camera.seen(*c)).collect();
@@ -151,7 +151,9 @@ impl Panel<'_> {
             let width = zoom * (DOT_WIDTH * crowd).max(2.0 * LINE_WIDTH);
             is_shown(place(lattice.size, node), None).then(|| Stroke::dot(screen, seen[node], width, strength))?
         };
-        let nodes = nodes(lattice.size, seen.len());
+        let [u, v, w] = lattice.size;
+        let is_grid = u > 1 && v > 1 && w == 1;
+        let nodes = if is_grid { 0 } else { nodes(lattice.size, seen.len()) };
         (edges(lattice.size, seen.len()).filter_map(line).collect(), (0..nodes).filter_map(dot).collect())
     }
 }

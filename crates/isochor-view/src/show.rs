@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use glam::DVec3;
-use isochor::{Course, Faces, Mesh, Outcome};
+use isochor::{Course, Faces, Mesh, Outcome, Sheet};
 
 /// Poses of one model.
 #[derive(Clone, Debug)]
@@ -21,7 +21,7 @@ pub struct ShownPose<'a> {
     pub name: String,
     /// Positions (#vertices × 3), model coordinates.
     pub points: Cow<'a, [DVec3]>,
-    /// The control points, where a lattice deforms the model.
+    /// The control points, where a lattice deforms the model; else grid lines of the surface along which it lies.
     pub lattice: Option<ShownLattice<'a>>,
     /// The volume of the pose, outward orientation; none where the model bounds no body.
     pub volume: Option<f64>,
@@ -29,13 +29,37 @@ pub struct ShownPose<'a> {
     pub volume_change: Option<Cow<'a, [f64]>>,
 }
 
-/// The control points of a lattice.
+/// The control points of a lattice; or the points of a grid, as a lattice of one layer, of which pictures show the lines alone.
 #[derive(Clone, Debug)]
 pub struct ShownLattice<'a> {
     /// Control points along u, v, w. Flat index: `(i · size[1] + j) · size[2] + k`.
     pub size: [usize; 3],
     /// Positions (#controls × 3), model coordinates.
     pub controls: Cow<'a, [DVec3]>,
+}
+
+impl ShownLattice<'static> {
+    /// Grid lines of a flattened sheet, at height 0: a lattice of one layer.
+    #[must_use]
+    pub fn of_sheet(sheet: &Sheet) -> Self {
+        Self::of_grid(sheet, sheet.flat().iter().map(|p| p.extend(0.0)).collect())
+    }
+
+    /// The same lines on its surface.
+    #[must_use]
+    pub fn of_surface(sheet: &Sheet) -> Self {
+        let [m, n] = sheet.cells();
+        let point = |(i, j)| {
+            let parameters = sheet.parameters(i, j);
+            sheet.surface().jet(parameters.x, parameters.y).point
+        };
+        Self::of_grid(sheet, (0..=m).flat_map(|i| (0..=n).map(move |j| (i, j))).map(point).collect())
+    }
+
+    fn of_grid(sheet: &Sheet, points: Vec<DVec3>) -> Self {
+        let [m, n] = sheet.cells();
+        Self { size: [m + 1, n + 1, 1], controls: points.into() }
+    }
 }
 
 impl<'a> Show<'a> {
@@ -54,11 +78,16 @@ impl<'a> Show<'a> {
         let mut show = Self { faces: mesh.faces(), poses: vec![rest] };
         let Some(course) = course else { return show };
         let controls = outcome.controls.as_ref();
-        let lattice = |positions: &'a [DVec3]| {
-            controls.map(|c| ShownLattice { size: c.lattice.size(), controls: positions.into() })
+        let sheet = outcome.sheet().map(|drawing| drawing.sheet());
+        let lattice = |positions: &'a [DVec3]| match controls {
+            Some(c) => Some(ShownLattice { size: c.lattice.size(), controls: positions.into() }),
+            None => sheet.map(ShownLattice::of_surface),
         };
         // A lattice round a model that went along a surface was never at rest with it.
-        show.poses[0].lattice = controls.filter(|_| outcome.sheet().is_none()).and_then(|c| lattice(&c.rest));
+        show.poses[0].lattice = match sheet {
+            Some(sheet) => Some(ShownLattice::of_sheet(sheet)),
+            None => controls.and_then(|c| lattice(&c.rest)),
+        };
         show.poses.push(ShownPose {
             name: "deformed".into(),
             points: (&course.posed[..]).into(),
@@ -70,7 +99,7 @@ impl<'a> Show<'a> {
             show.poses.push(ShownPose {
                 name: "corrected".into(),
                 points: (&outcome.points[..]).into(),
-                lattice: controls.and_then(|c| lattice(&c.posed)),
+                lattice: lattice(controls.map_or(&[], |c| &c.posed)),
                 volume: row.map(|row| row.corrected),
                 volume_change: Some((&course.corrected_change[..]).into()),
             });

@@ -1,6 +1,7 @@
 //! Pictures: the same for any number of threads, one camera for all poses, and something sane for whatever comes.
 
 use std::borrow::Cow;
+use std::f64::consts::PI;
 
 use glam::DVec3;
 use isochor::{Faces, Job, JobInput, Mesh, Source, shapes};
@@ -268,6 +269,57 @@ fn lattices_of_every_size_are_drawn() {
         assert!(picture(&show, &small()) != bare, "{size:?}");
         assert_eq!(picture(&show, &PictureOptions { with_lattice: false, ..small() }), bare, "{size:?}");
     }
+}
+
+#[test]
+fn of_grids_the_lines_are_drawn() {
+    let faces = Faces::new();
+    // Control points are blue, lines are nearly grey.
+    let blue = |size: [usize; 3]| {
+        let mut show = show(&faces, &[]);
+        show.poses[0].lattice = Some(lattice(size, DVec3::ZERO, DVec3::ONE));
+        let image = picture(&show, &PictureOptions::default());
+        let blue = image.pixels().iter().filter(|[r, _, b]| i32::from(*b) - i32::from(*r) > 70).count();
+        [blue, inked(&image)]
+    };
+    let ([of_grid, lines], [of_lattice, _]) = (blue([4, 5, 1]), blue([4, 5, 2]));
+    assert!(of_grid == 0 && lines > 500 && of_lattice > 50, "{of_grid} of {lines}, {of_lattice}");
+}
+
+/// The sheet of a half cylinder of radius 1, rolled out, and the half cylinder.
+#[test]
+fn models_along_surfaces_are_shown_with_the_grid_of_the_surface() {
+    let mesh = shapes::plate(DVec3::new(1.0, 1.0, 0.1), [1, 1]);
+    let shown = |more: &str, f: &dyn Fn(&Show)| {
+        let job = format!(
+            "[surface]\nkind = 'cylinder'\nradius = 1\nheight = 2\nangles = [0, 180]\ngrid = [6, 4]\n[preserve]\n{more}"
+        );
+        let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+        let outcome = Job::from_toml(&job).unwrap().run(&input, &mut |_stage| {}).unwrap();
+        let course = outcome.course();
+        f(&Show::of_job(outcome.divided().unwrap().0, &outcome, course.as_ref()));
+    };
+    shown("", &|show| {
+        let grids: Vec<&ShownLattice> = show.poses.iter().map(|pose| pose.lattice.as_ref().unwrap()).collect();
+        assert_eq!(grids.len(), 3);
+        for (k, grid) in grids.iter().enumerate() {
+            assert_eq!((grid.size, grid.controls.len()), ([7, 5, 1], 35));
+            for (c, p) in grid.controls.iter().enumerate() {
+                let (along, up) = ((c / 5) as f64 / 6.0, (c % 5) as f64 / 4.0);
+                let (sin, cos) = (PI * along).sin_cos();
+                let expected = match k {
+                    0 => DVec3::new(PI * (along - 0.5), 2.0 * up - 1.0, 0.0),
+                    _ => DVec3::new(cos, sin, 2.0 * up),
+                };
+                assert!(p.distance(expected) < 1e-6, "pose {k}: {p} instead of {expected}");
+            }
+        }
+    });
+    // A lattice round the model on the surface is shown there instead.
+    shown("method = 'nearest'", &|show| {
+        let sizes: Vec<[usize; 3]> = show.poses.iter().map(|pose| pose.lattice.as_ref().unwrap().size).collect();
+        assert!(sizes[0] == [7, 5, 1] && sizes[1..].iter().all(|size| size[2] > 1), "{sizes:?}");
+    });
 }
 
 #[test]

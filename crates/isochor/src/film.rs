@@ -269,8 +269,9 @@ impl Reader<'_> {
         match value.get_ref() {
             DeValue::Table(table) if table.contains_key("keys") => {
                 if !may_have_keys {
-                    let what =
-                        format!("{path} cannot change with time: keys are for values in [[edit]] and [preserve]");
+                    let what = format!(
+                        "{path} cannot change with time: keys are for values in [[edit]], [preserve] and [surface]"
+                    );
                     return Err(self.error(&what, value.span()));
                 }
                 let keyed = self.keyed(table, path, value.span())?;

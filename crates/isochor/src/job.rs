@@ -53,7 +53,7 @@ pub struct Job {
 pub struct ViewRequest {
     /// What colours say.
     pub color: ColorBy,
-    /// Whether the lattice is drawn.
+    /// Whether the lattice is drawn, or the flattening grid of a model along a surface.
     pub lattice: bool,
     /// Which way is up.
     pub up: Axis,

@@ -78,6 +78,9 @@ pub struct FrameReport {
     /// As in [`Report`].
     pub correction: CorrectionReport,
     /// As in [`Report`].
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub surface: Option<SurfaceReport>,
+    /// As in [`Report`].
     pub timings_ms: Timings,
     /// As in [`Report`].
     pub warnings: Vec<String>,
@@ -87,8 +90,8 @@ impl FrameReport {
     /// The report of the job at `time`.
     #[must_use]
     pub fn of(time: f64, report: Report) -> Self {
-        let Report { volume, correction, timings_ms, warnings, .. } = report;
-        Self { time, volume, correction, timings_ms, warnings }
+        let Report { volume, correction, surface, timings_ms, warnings, .. } = report;
+        Self { time, volume, correction, surface, timings_ms, warnings }
     }
 }
 

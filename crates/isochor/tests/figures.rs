@@ -1,10 +1,15 @@
-//! The figures of HB as jobs, and the films: they lose what the paper says, and get back their volumes.
+//! The figures of HB and CO as jobs, and the films: they lose what the paper says, and get back their volumes.
 
 #![cfg(feature = "serde")]
 
+use std::f64::consts::TAU;
 use std::path::{Path, PathBuf};
 
-use isochor::{Examination, Film, Job, JobInput, Mesh, Outcome, ShapeName, Source, VolumeTarget};
+use glam::{DVec2, DVec3};
+use isochor::{
+    Examination, Film, FlattenStatus, Job, JobInput, Mesh, Outcome, ProfileRequest, ShapeName, Source, ThroughRequest,
+    VolumeTarget,
+};
 
 /// What the paper prints of each panel: its change of volume without correction, in percent. Figures 2, 5 and 7 have none.
 const PAPER: [(&str, Option<f64>); 17] = [
@@ -200,5 +205,149 @@ fn the_foot_of_a_squeezed_bottle_stays_where_the_correction_is_local() {
             .map(|((_, before), after)| before.distance(*after) / (top - foot))
             .fold(0.0, f64::max);
         assert!(if name == "auto" { moved < 0.002 } else { moved > 0.06 }, "{name}: {moved}");
+    }
+}
+
+/// Jobs along surfaces (CO, figures 5 to 13), and how many polygons their comments say that the paper has.
+const ALONG: [(&str, Option<f64>); 7] = [
+    ("cylinder", Some(6.0)),
+    ("figure-10", Some(73_665.0)),
+    ("figure-12", Some(73_665.0)),
+    ("figure-5", None),
+    ("figure-8", Some(6.0)),
+    ("figure-9", Some(6.0)),
+    ("lattice", None),
+];
+
+#[test]
+fn models_along_surfaces_have_their_volumes_and_are_divided_where_the_paper_says() {
+    let folder = folder("surface");
+    assert_eq!(jobs_in(&folder), ALONG.map(|(name, _)| name));
+    for (name, polygons) in ALONG {
+        let panel = Panel::read(&folder, name);
+        assert_eq!(panel.said("Polygons:", "paper "), polygons, "{name}");
+        let faces = panel.mesh.faces().len();
+        assert_eq!(panel.said("Polygons:", "here "), polygons.map(|_| faces as f64), "{name}");
+        for frame in 0..panel.film.frames() {
+            let outcome = panel.run(&panel.film.job(frame).unwrap());
+            let volume = outcome.report.volume.as_ref().unwrap().overall;
+            assert!((volume.corrected / volume.rest - 1.0).abs() <= 1e-13, "{name}, frame {frame}: {volume:?}");
+            assert!((volume.posed / volume.rest - 1.0).abs() > 1e-6, "{name}, frame {frame}: there was nothing to do");
+            let surface = outcome.report.surface.as_ref().unwrap();
+            assert!(surface.folds.is_none() && surface.flattening.folds.is_empty(), "{name}, frame {frame}");
+            assert_eq!(surface.flattening.status, FlattenStatus::Converged, "{name}, frame {frame}");
+            assert!(outcome.report.warnings.iter().all(|text| text.contains("times as large")), "{name}: {outcome:?}");
+            // The plate and the cube have larger polygons than the grid. "Since each polygon of the original dolphin model is smaller than
+            // the grid of the flattened surface, there is no subdivision" (CO, section 4), but for the triangles at its end, at x = 3.
+            let own = panel.mesh.points().len();
+            assert_eq!(outcome.points.len(), own + surface.edge_points + surface.face_points, "{name}");
+            let rest = outcome.divided().map_or(panel.mesh.points(), |(mesh, _)| mesh.points());
+            let added = &rest[own..];
+            assert!(faces > 6 || !added.is_empty(), "{name}");
+            assert!(faces == 6 || added.iter().all(|p| (p.x - 3.0).abs() < 1e-12), "{name}: {added:?}");
+        }
+    }
+}
+
+#[test]
+fn the_page_of_surfaces_says_what_the_jobs_do() {
+    let page = include_str!("../../../docs/surface.md");
+    for (name, polygons) in ALONG {
+        let start = format!("| `{name}.toml` |");
+        let row = page.lines().find(|line| line.starts_with(&start)).unwrap_or_else(|| panic!("no {name}"));
+        let cells: Vec<String> = row.split('|').skip(3).map(|cell| cell.replace(',', "")).collect();
+        let said = |cell: usize| cells[cell].split_whitespace().next().unwrap().parse::<f64>().ok();
+        let panel = Panel::read(&folder("surface"), name);
+        assert_eq!(said(0), polygons, "{name}");
+        assert_eq!(said(1), Some(panel.mesh.faces().len() as f64), "{name}");
+        assert_eq!(said(2), Some(panel.mesh.points().len() as f64), "{name}");
+        let (mut change, mut stretch, mut compression) = (0.0f64, 0.0f64, 0.0f64);
+        for frame in 0..panel.film.frames() {
+            let report = panel.run(&panel.film.job(frame).unwrap()).report;
+            let volume = report.volume.unwrap().overall;
+            let this = 100.0 * (volume.posed / volume.rest - 1.0);
+            change = if this.abs() > change.abs() { this } else { change };
+            let surface = report.surface.unwrap();
+            assert_eq!(said(3), Some((surface.edge_points + surface.face_points) as f64), "{name}, frame {frame}");
+            stretch = stretch.max(surface.flattening.stretch);
+            compression = compression.max(surface.flattening.compression);
+        }
+        let sheet: Vec<f64> = cells[5].split('%').filter_map(|number| number.trim().parse().ok()).collect();
+        for (said, found) in
+            [(said(4), change), (sheet.first().copied(), stretch), (sheet.get(1).copied(), compression)]
+        {
+            assert!(said.is_some_and(|said| (said - found).abs() <= 0.005 + 1e-6), "{name}: {found}, but {said:?}");
+        }
+    }
+}
+
+/// The control nets of CO's surfaces, which are the same wherever they are used.
+#[test]
+fn jobs_along_bezier_surfaces_have_the_nets_that_the_docs_say() {
+    type Height = fn(usize, usize) -> f64;
+    let wave: Height = |i, _| 1.2 * [0.0, 1.0, -1.0, 0.0][i];
+    let twisted: Height = |i, j| 0.8 * [0.0, 1.0, 1.0, 0.0][i] * [1.0, 0.5, -0.5, -1.0][j];
+    let bend: Height = |i, j| [0.0, 1.6, 1.6, 0.0][i] * (1.0 + 0.15 * [0.0, 1.0, 1.0, 0.0][j]);
+    for (name, length, height) in [
+        ("figure-5", 4.0, twisted),
+        ("figure-8", 4.0, wave),
+        ("figure-9", 4.0, twisted),
+        ("figure-10", 8.0, bend),
+        ("lattice", 8.0, bend),
+    ] {
+        let controls = Panel::read(&folder("surface"), name).film.job(0).unwrap().surface.unwrap().controls.unwrap();
+        assert_eq!((controls.len(), controls[0].len()), (4, 4), "{name}");
+        for (i, j) in (0..16).map(|k| (k / 4, k % 4)) {
+            let along = |side: f64, k: usize| side * (k as f64 / 3.0 - 0.5);
+            let expected = DVec3::new(along(length, i), along(4.0, j), height(i, j));
+            assert!(controls[i][j].distance(expected) < 1e-12, "{name}: {} at {i}, {j}", controls[i][j]);
+        }
+    }
+}
+
+#[test]
+fn the_plate_on_a_cylinder_stands_on_it_and_is_divided_across_its_axis_only() {
+    let panel = Panel::read(&folder("surface"), "cylinder");
+    let outcome = panel.run(&panel.film.job(0).unwrap());
+    let surface = outcome.report.surface.as_ref().unwrap();
+    assert_eq!(surface.face_points, 0);
+    assert!(surface.flattening.stretch.max(surface.flattening.compression) < 1e-9, "{:?}", surface.flattening);
+    // The axis is y, at the height −1; the plate is 3.5 · 0.05 high, times the factor of the heights.
+    let high = 1.0 + 0.175 * surface.height_scale.unwrap();
+    let radii: Vec<f64> = outcome.points.iter().map(|p| DVec2::new(p.x, p.z + 1.0).length()).collect();
+    assert!(radii.iter().all(|r| (r - 1.0).abs().min((r - high).abs()) < 1e-12), "{radii:?}");
+    assert_eq!(radii.iter().filter(|r| **r < 1.01).count(), radii.len() / 2);
+}
+
+/// The curve of the surface is a wave that goes from nose to flukes, and the film goes on where it begins anew.
+#[test]
+fn the_dolphin_swims_in_a_loop() {
+    let panel = Panel::read(&folder("surface"), "figure-12");
+    let frames = panel.film.frames();
+    let points = |frame: usize| panel.run(&panel.film.job(frame).unwrap()).points;
+    let first = points(0);
+    let (mut before, mut steps) = (first.clone(), Vec::new());
+    for frame in 1..=frames {
+        let after = if frame < frames { points(frame) } else { first.clone() };
+        steps.push(before.iter().zip(&after).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max));
+        before = after;
+    }
+    let last = steps.pop().unwrap();
+    let most = steps.iter().copied().fold(0.0, f64::max);
+    assert!(last <= 1.05 * most && most > 0.0, "{last} after {steps:?}");
+
+    // Keys are at every third of the 24 frames, and have four digits.
+    for frame in (0..frames).step_by(3) {
+        let time = panel.film.time(frame);
+        let Some(ProfileRequest::Through(ThroughRequest { through })) =
+            panel.film.job(frame).unwrap().surface.unwrap().profile
+        else {
+            panic!("no profile through points")
+        };
+        for (k, p) in through.iter().enumerate() {
+            let u = k as f64 / (through.len() - 1) as f64;
+            let z = (0.08 + 0.42 * u * u) * (TAU * (time - u)).sin();
+            assert!(p.distance(DVec3::new(3.3 * u - 1.65, 0.0, z)) < 1e-4, "frame {frame}: {p}");
+        }
     }
 }
