@@ -25,7 +25,7 @@
 use glam::DVec2;
 
 use crate::descent::{self, State, Way};
-use crate::geodesic::{self, Station, grid_lengths, plane_lengths};
+use crate::geodesic::{self, GridLengths, Station, grid_lengths, plane_lengths};
 use crate::parallel;
 use crate::sheet::Sheet;
 use crate::stress::Stress;
@@ -47,7 +47,7 @@ pub struct FlattenOptions {
     pub start: FlattenStart,
     /// What errors of lengths count.
     pub weights: FlattenWeights,
-    /// Lengths on the surface are taken to this relative error; and to a tenth of what those on the sheet are off by, down to 5e-7, where that is
+    /// Lengths on the surface are taken to this relative error; and to a tenth of what those on the sheet are off by, down to 1e-7, where that is
     /// less. Smaller: it takes longer.
     pub accuracy: f64,
     /// The search ends where a step lowers the stress by no more than this fraction of it.
@@ -127,7 +127,7 @@ pub struct Flattened {
     pub sheet: Sheet,
     /// How good it is.
     pub report: FlattenReport,
-    /// The stress of the start and after each step.
+    /// The stress of the start and after each step. Where lengths were taken anew, all steps before that count as one.
     pub course: Vec<f64>,
 }
 
@@ -243,14 +243,19 @@ pub fn flatten(surface: &Surface, options: &FlattenOptions) -> Result<Flattened,
         return Err(FlattenError::NotFinite { at: parameters(cells, k) });
     }
     let mut accuracy = options.accuracy;
+    let mut lengths = None;
+    let mut last: Option<Way> = None;
     let (stress, length_accuracy, way) = loop {
-        let (stress, error) = measured(surface, options, &jets, &thirds, accuracy)?;
-        let way = searched(&stress, start(surface, options, &jets, &stress)?, options)?;
+        let taken = measured(surface, options, &jets, &thirds, accuracy, lengths.as_ref())?;
+        let (stress, error) = (stressed(&taken, options)?, taken.error());
+        let start = start(surface, options, &jets, &stress)?;
+        let way = searched(&stress, start, last.take(), options)?;
         let off = (way.state.stress / stress.scale()).sqrt();
         if off >= TIMES * error || accuracy <= geodesic::LENGTH {
             break (stress, error, way);
         }
         accuracy = (off / TIMES).max(geodesic::LENGTH);
+        (lengths, last) = (Some(taken), Some(way));
     };
     let flat = placed(way.state.places(), cells);
     let Kept { cells: stretches, length_error, area_error, folds } = kept(&stress, cells, &flat);
@@ -282,56 +287,70 @@ fn is_finite(jet: &Jet) -> bool {
     [point, s, t, ss, st, tt].into_iter().all(|v| v.length_squared().is_finite())
 }
 
-/// The way down from a start.
-fn searched(stress: &Stress, start: State, options: &FlattenOptions) -> Result<Way, FlattenError> {
+/// The way down from a start; the last way is its first step where that ends lower.
+fn searched(
+    stress: &Stress,
+    start: State,
+    last: Option<Way>,
+    options: &FlattenOptions,
+) -> Result<Way, FlattenError> {
     let &FlattenOptions { cells, tolerance, iterations, .. } = options;
     if !start.stress.is_finite() {
         return Err(FlattenError::NotFinite { at: parameters(cells, 0) });
     }
-    match options.method {
-        FlattenMethod::QuasiNewton => Ok(descent::quasi_newton(stress, start, tolerance, iterations)),
+    let start_stress = start.stress;
+    let last = last.map(|way| State::new(stress, way.state.x)).filter(|state| state.stress < start_stress);
+    let (from, steps) = last.map_or((start, 0), |state| (state, 1));
+    let iterations = iterations.saturating_sub(steps);
+    let mut way = match options.method {
+        FlattenMethod::QuasiNewton => descent::quasi_newton(stress, from, tolerance, iterations),
         FlattenMethod::Descent { step } if step > 0.0 && step.is_finite() => {
-            Ok(descent::fixed(stress, start, step, tolerance, iterations))
+            descent::fixed(stress, from, step, tolerance, iterations)
         }
-        FlattenMethod::Descent { step } => Err(FlattenError::Step(step)),
+        FlattenMethod::Descent { step } => return Err(FlattenError::Step(step)),
+    };
+    if steps > 0 {
+        way.course.insert(0, start_stress);
     }
+    Ok(way)
 }
 
-/// The stress of the grid, and the relative error of its lengths, no more than `accuracy` where that can be had.
+/// Lengths with relative errors of no more than `accuracy` where that can be had; those taken `before` are kept where they are so good.
 fn measured(
     surface: &Surface,
     options: &FlattenOptions,
     jets: &[Jet],
     thirds: &[Third],
     accuracy: f64,
-) -> Result<(Stress, f64), FlattenError> {
-    let &FlattenOptions { cells, reach, weights, .. } = options;
+    before: Option<&GridLengths>,
+) -> Result<GridLengths, FlattenError> {
+    let &FlattenOptions { cells, reach, .. } = options;
     // Steps longer than the grid reach nothing.
     let reach = reach.min(cells[0].max(cells[1]));
-    let points = jets.len();
+    if let Some(flat) = developed(surface, cells) {
+        return Ok(plane_lengths(&flat, cells, reach));
+    }
     let at = |[i, j]: [usize; 2]| parameters(cells, i * (cells[1] + 1) + j);
-    let lengths = match developed(surface, cells) {
-        Some(flat) => plane_lengths(&flat, cells, reach),
-        None => {
-            let station = |k: usize| Station::new(parameters(cells, k), &jets[k], &thirds[k]);
-            let stations: Vec<_> = (0..points).map(station).collect();
-            grid_lengths(surface, &stations, at, cells, reach, accuracy).map_err(|(from, to)| {
-                let pole = [from, to].into_iter().find(|[i, j]| stations[i * (cells[1] + 1) + j].is_none());
-                match pole {
-                    Some(pole) => FlattenError::NoTangentPlane { at: at(pole) },
-                    None => FlattenError::NoGeodesic { from: at(from), to: at(to) },
-                }
-            })?
+    let station = |k: usize| Station::new(parameters(cells, k), &jets[k], &thirds[k]);
+    let stations: Vec<_> = (0..jets.len()).map(station).collect();
+    grid_lengths(surface, &stations, at, cells, reach, accuracy, before).map_err(|(from, to)| {
+        let pole = [from, to].into_iter().find(|[i, j]| stations[i * (cells[1] + 1) + j].is_none());
+        match pole {
+            Some(pole) => FlattenError::NoTangentPlane { at: at(pole) },
+            None => FlattenError::NoGeodesic { from: at(from), to: at(to) },
         }
-    };
-    let accuracy = lengths.error;
+    })
+}
+
+/// The stress of the grid with these lengths.
+fn stressed(lengths: &GridLengths, options: &FlattenOptions) -> Result<Stress, FlattenError> {
+    let &FlattenOptions { cells, weights, .. } = options;
     let mean = match weights {
         FlattenWeights::Uniform => None,
         FlattenWeights::Relative => Some(lengths.mean()),
     };
     let weight = |d: f64| mean.map_or(1.0, |mean| (mean / d) * (mean / d));
-    let size = cells.map(|n| n + 1);
-    let stress = Stress::new(lengths, size, weight);
+    let stress = Stress::new(lengths, cells.map(|n| n + 1), weight);
     let mut missing = None;
     if mean.is_some() {
         stress.for_each_pair(|i, j, _, w| {
@@ -342,7 +361,7 @@ fn measured(
     }
     match missing.map(|ends| ends.map(|k| parameters(cells, k))) {
         Some([from, to]) => Err(FlattenError::NoWeight { from, to }),
-        None => Ok((stress, accuracy)),
+        None => Ok(stress),
     }
 }
 

@@ -26,7 +26,7 @@ use crate::surface::{Jet, Surface, Third};
 
 /// The least relative error of lengths that is asked for. Larger: developable surfaces come out stretched by as much; smaller: more points of the
 /// surface are needed.
-pub(crate) const LENGTH: f64 = 5e-7;
+pub(crate) const LENGTH: f64 = 1e-7;
 
 /// Errors of (1) fall with this power of the length where third derivatives of the surface jump, as between the patches of cubic splines.
 const ORDER: i32 = 4;
@@ -379,11 +379,22 @@ pub(crate) struct GridLengths {
     pub(crate) steps: Vec<[isize; 2]>,
     /// Lengths from grid point (i, j) along `steps[o]` at `(i · #steps + o) · (cells[1] + 1) + j`; NaN where the other end is no grid point.
     pub(crate) lengths: Vec<f64>,
-    /// The largest estimated relative error.
-    pub(crate) error: f64,
+    /// Their estimated relative errors.
+    errors: Vec<f64>,
 }
 
 impl GridLengths {
+    /// The largest estimated relative error.
+    pub(crate) fn error(&self) -> f64 {
+        self.errors.iter().fold(0.0, |most, error| error.max(most))
+    }
+
+    /// Those known to `accuracy`.
+    fn known(&self, k: usize, accuracy: f64) -> Option<Geodesic> {
+        let [length, error] = [self.lengths[k], self.errors[k]];
+        (error <= accuracy).then_some(Geodesic { length, error })
+    }
+
     /// The mean of all lengths.
     pub(crate) fn mean(&self) -> f64 {
         let known = || self.lengths.iter().filter(|d| !d.is_nan());
@@ -391,8 +402,8 @@ impl GridLengths {
     }
 }
 
-/// Lengths of a row, and the largest error.
-type Row = Result<(Vec<f64>, f64), ([usize; 2], [usize; 2])>;
+/// Lengths of a row, where there are other ends; or two points between which there is none.
+type Row = Result<Vec<Option<Geodesic>>, ([usize; 2], [usize; 2])>;
 
 /// Distances between all points of a grid in the plane within `reach` steps; (i, j) is at `i · (cells[1] + 1) + j`.
 pub(crate) fn plane_lengths(points: &[DVec2], cells: [usize; 2], reach: usize) -> GridLengths {
@@ -411,7 +422,8 @@ pub(crate) fn plane_lengths(points: &[DVec2], cells: [usize; 2], reach: usize) -
         }
         lengths
     });
-    GridLengths { steps, lengths: rows.concat(), error: 0.0 }
+    let lengths = rows.concat();
+    GridLengths { steps, errors: vec![0.0; lengths.len()], lengths }
 }
 
 /// Rows of a grid of points in the plane that one thread measures. Larger: small grids leave threads idle; smaller: threads are woken for
@@ -429,7 +441,7 @@ fn grid_end(cells: [usize; 2], [i, j]: [usize; 2], [a, b]: [isize; 2]) -> Option
 ///
 /// Closed forms come first. Elsewhere arcs are halved that are not good enough. Where the surface is not smooth, they do not tell; then the longest
 /// steps from each grid point, straight and diagonal, are halved first. Errors of (1) grow with a power of the length, so these say for which
-/// of the steps between them (1) alone is good enough.
+/// of the steps between them (1) alone is good enough. Lengths that were taken `before` are kept where they are.
 pub(crate) fn grid_lengths(
     surface: &Surface,
     stations: &[Option<Station>],
@@ -437,6 +449,7 @@ pub(crate) fn grid_lengths(
     cells: [usize; 2],
     reach: usize,
     accuracy: f64,
+    before: Option<&GridLengths>,
 ) -> Result<GridLengths, ([usize; 2], [usize; 2])> {
     let steps = half_steps(reach);
     let columns = cells[1] + 1;
@@ -448,9 +461,11 @@ pub(crate) fn grid_lengths(
     let exact = |p, q| if is_patch { None } else { surface.geodesic(parameters(p), parameters(q)) };
     let power = |[a, b]: [isize; 2]| (a.abs().max(b.abs()) as f64).powi(ORDER);
     let rows: Vec<Row> = parallel::map(cells[0] + 1, |i| {
-        let mut lengths = vec![f64::NAN; row];
+        // Without samples there are no rates.
+        let before = before.filter(|_| is_smooth);
+        let mut lengths: Vec<Option<Geodesic>> =
+            (i * row..(i + 1) * row).map(|k| before?.known(k, accuracy)).collect();
         let mut path = Path::default();
-        let mut worst: f64 = 0.0;
         for j in 0..columns {
             let p = [i, j];
             // Relative error of (1) by the power of steps.
@@ -483,23 +498,22 @@ pub(crate) fn grid_lengths(
             for (step, q, is_sample) in samples.chain(all) {
                 let o = step_index(reach, step).expect("it is within reach");
                 let length = &mut lengths[o * columns + j];
-                if length.is_nan() {
-                    let geodesic = measure(step, q, is_sample).ok_or((p, q))?;
-                    worst = worst.max(geodesic.error);
-                    *length = geodesic.length;
+                if length.is_none() {
+                    *length = Some(measure(step, q, is_sample).ok_or((p, q))?);
                 }
             }
         }
-        Ok((lengths, worst))
+        Ok(lengths)
     });
-    let mut all = Vec::with_capacity(row * (cells[0] + 1));
-    let mut error: f64 = 0.0;
+    let [mut lengths, mut errors] = [0; 2].map(|_| Vec::with_capacity(row * (cells[0] + 1)));
     for row in rows {
-        let (lengths, worst) = row?;
-        all.extend(lengths);
-        error = error.max(worst);
+        for found in row? {
+            let Geodesic { length, error } = found.unwrap_or(Geodesic { length: f64::NAN, error: 0.0 });
+            lengths.push(length);
+            errors.push(error);
+        }
     }
-    Ok(GridLengths { steps, lengths: all, error })
+    Ok(GridLengths { steps, lengths, errors })
 }
 
 #[cfg(test)]

@@ -58,11 +58,11 @@ struct Run {
 
 impl Stress {
     /// Of the lengths of a grid of `size` points, with the weights of `weight(d)`.
-    pub(crate) fn new(grid: GridLengths, size: [usize; 2], weight: impl Fn(f64) -> f64 + Send + Sync) -> Self {
+    pub(crate) fn new(grid: &GridLengths, size: [usize; 2], weight: impl Fn(f64) -> f64 + Send + Sync) -> Self {
         let weights = parallel::collect(grid.lengths.len(), |k| weight(grid.lengths[k]));
         let steps = grid.steps.iter().map(|&[a, b]| [a.unsigned_abs(), b.unsigned_abs()]).collect();
         let is_backward = grid.steps.iter().map(|s| s[1] < 0).collect();
-        Self { size, steps, is_backward, lengths: grid.lengths, weights }
+        Self { size, steps, is_backward, lengths: grid.lengths.clone(), weights }
     }
 
     /// Number of points.
