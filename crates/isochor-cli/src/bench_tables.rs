@@ -196,7 +196,7 @@ fn flattening(bench: &SurfaceBench) -> String {
         columns.extend(row.runs.iter().map(|run| format!("r = {}, {}", row.reach, threads(run.threads))));
         columns.push("folded cells".into());
     }
-    let mut table = Table::new("CO, figure 3: milliseconds of flattening the first surface", &columns);
+    let mut table = Table::new("CO, figure 3: milliseconds of flattening the surface of figure 9", &columns);
     for row in &bench.grids {
         let mut cells = vec![grid(row.cells)];
         for row in &row.reaches {

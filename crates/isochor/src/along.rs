@@ -1,4 +1,9 @@
 //! A job's model along a surface: flattened sheet, placement, subdivision, and the map, in this order (CO, section 3).
+//!
+//! # Changes versus the paper
+//!
+//! The volume of the placed model is restored, by [`crate::height_scale`] or by a lattice round what lies along the surface. Each step tells in its own
+//! module what it does otherwise.
 
 use std::sync::Arc;
 

@@ -1,7 +1,12 @@
 //! Where straight edges over a flattened sheet cross its grid lines.
 //!
 //! Grid line i along t is the polyline through the flattened points (i, ·), grid line j along s that through (·, j). Signs of
-//! orientations are exact (the crate `robust`), so that an edge crosses a grid line, or passes through a grid point, or does neither.
+//! orientations are exact (the crate `robust`), so that an edge crosses a grid line, or passes through a grid point, or does neither. They are CO's
+//! edge points (section 3.2 (b)).
+//!
+//! # Changes versus the paper
+//!
+//! CO does not say what becomes of an edge through a grid point, or along a grid line: there is one point of two lines at each grid point on the edge.
 
 use glam::DVec2;
 use robust::Coord;

@@ -47,7 +47,7 @@ pub struct FlattenOptions {
     pub start: FlattenStart,
     /// What errors of lengths count.
     pub weights: FlattenWeights,
-    /// Lengths on the surface are taken to this relative error; and to a tenth of what those on the sheet are off by, down to 1e-7, where that is
+    /// Lengths on the surface are taken to this relative error; and to a fifth of what those on the sheet are off by, down to 1e-7, where that is
     /// less. Smaller: it takes longer.
     pub accuracy: f64,
     /// The search ends where a step lowers the stress by no more than this fraction of it.
@@ -64,7 +64,7 @@ impl Default for FlattenOptions {
             method: FlattenMethod::default(),
             start: FlattenStart::default(),
             weights: FlattenWeights::default(),
-            accuracy: 3e-4,
+            accuracy: 5e-4,
             tolerance: 1e-6,
             iterations: 1000,
         }
@@ -144,7 +144,7 @@ pub enum FlattenError {
     #[error("a reach of 0 holds no lengths: it needs at least 1, and 3 keeps sheets from folding")]
     NoReach,
     /// An accuracy that is not a positive number.
-    #[error("the accuracy of lengths is {0}: it must be above 0; 3e-4 is good for surfaces that are not developable")]
+    #[error("the accuracy of lengths is {0}: it must be above 0; 5e-4 is good for surfaces that are not developable")]
     Accuracy(f64),
     /// A tolerance that is negative or not a number.
     #[error("the tolerance is {0}: it must be 0 or more")]
@@ -205,7 +205,7 @@ pub enum FlattenError {
 
 /// Lengths on a sheet are to be off, in root mean square, by at least so many times the error of those on the surface, or these are taken anew. Larger: they are
 /// better than can be seen in the sheet; smaller: their errors are.
-const TIMES: f64 = 10.0;
+const TIMES: f64 = 5.0;
 
 /// Grid points whose jets one thread evaluates. Larger: small grids leave threads idle; smaller: threads are woken for little.
 const JETS: usize = 32;
@@ -288,12 +288,7 @@ fn is_finite(jet: &Jet) -> bool {
 }
 
 /// The way down from a start; the last way is its first step where that ends lower.
-fn searched(
-    stress: &Stress,
-    start: State,
-    last: Option<Way>,
-    options: &FlattenOptions,
-) -> Result<Way, FlattenError> {
+fn searched(stress: &Stress, start: State, last: Option<Way>, options: &FlattenOptions) -> Result<Way, FlattenError> {
     let &FlattenOptions { cells, tolerance, iterations, .. } = options;
     if !start.stress.is_finite() {
         return Err(FlattenError::NotFinite { at: parameters(cells, 0) });

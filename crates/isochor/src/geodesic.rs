@@ -19,6 +19,7 @@
 //! CO's appendix has the "distance between P_i and P_j on the curved surface" and leaves open how it is found. The length of the straight line
 //! in the parameters is too long (by 0.3 to 0.7 % on a cone three cells apart), and a sheet of such lengths is not isometric.
 
+use fearless_simd::{Level, dispatch};
 use glam::{DVec2, DVec3};
 
 use crate::parallel;
@@ -131,6 +132,7 @@ impl Station {
 
     /// The geodesic whose tangent is nearest to `direction`; none where no tangent is. Its second derivative is κ N, so that the third is κ′ N +
     /// κ N′ with N′ = −Σ (N·S_iv) dual_i, v the velocity.
+    #[inline(always)]
     fn toward(&self, direction: DVec3) -> Option<Motion> {
         let along = direction - direction.dot(self.normal) * self.normal;
         let rate = along.length().recip();
@@ -162,6 +164,9 @@ impl Station {
 
 impl Arc {
     /// None where the ends are too far apart.
+    ///
+    /// Inlined, so that callers may dispatch it.
+    #[inline(always)]
     fn between(p: &Station, q: &Station, accuracy: f64) -> Option<Self> {
         /// Directions and length are repeated until the length is expected to change by less than this part of the accuracy. Larger: the
         /// error of (1) is drowned; smaller: a round more.
@@ -463,8 +468,7 @@ pub(crate) fn grid_lengths(
     let rows: Vec<Row> = parallel::map(cells[0] + 1, |i| {
         // Without samples there are no rates.
         let before = before.filter(|_| is_smooth);
-        let mut lengths: Vec<Option<Geodesic>> =
-            (i * row..(i + 1) * row).map(|k| before?.known(k, accuracy)).collect();
+        let mut lengths: Vec<Option<Geodesic>> = (i * row..(i + 1) * row).map(|k| before?.known(k, accuracy)).collect();
         let mut path = Path::default();
         for j in 0..columns {
             let p = [i, j];
@@ -475,7 +479,8 @@ pub(crate) fn grid_lengths(
                     return Some(Geodesic { length, error: 0.0 });
                 }
                 let ends = [at(p)?, at(q)?];
-                let arc = Arc::between(ends[0], ends[1], accuracy);
+                // The same bits with all registers: nothing is fused.
+                let arc = dispatch!(Level::new(), _simd => Arc::between(ends[0], ends[1], accuracy));
                 if !is_sample {
                     let single = arc.map(|Arc { length, error, .. }| (length, error.max(rate * power(step))));
                     if let Some((length, error)) = single.filter(|(_, error)| *error <= accuracy) {

@@ -145,7 +145,7 @@ fn a_developable_patch_is_isometric_without_a_closed_form() {
 fn lengths_are_better_than_the_sheet() {
     for (height, cells) in [(0.4, [8, 7]), (0.05, [8, 7]), (0.01, [12, 12]), (0.001, [6, 6])] {
         let report = flat(&waves(height), &options(cells)).report;
-        let needed = f64::max(0.1 * report.length_error.rms, 1e-6);
+        let needed = f64::max(0.2 * report.length_error.rms, 1e-6);
         assert!(
             report.length_accuracy <= needed,
             "{height}: {} for {}",

@@ -68,21 +68,25 @@ fn on_a_cylinder_a_model_is_rolled() {
     assert_eq!(laid.folds, None);
 }
 
+/// The Jacobian matrix against central differences.
+fn assert_jacobian(wrap: &Wrap, q: DVec3) {
+    let step = 1e-5;
+    let jacobian = wrap.laid(&[q]).unwrap().jacobians[0];
+    for axis in 0..3 {
+        let d = step * DVec3::AXES[axis];
+        let ends = wrap.points(&[q + d, q - d]).unwrap();
+        assert!(((ends[0] - ends[1]) / (2.0 * step)).distance(jacobian.col(axis)) < 1e-8, "{q} along {axis}");
+    }
+}
+
 #[test]
 fn jacobians_are_those_of_the_map() {
     // Skewed, curved and uneven: what the grid is does not matter, only that the map is what it says.
     let surface = Surface::sphere(1.5, [0.0, 120.0], [-50.0, 60.0]).unwrap();
     let flat = |s: f64, t: f64| [2.0 * s + 0.3 * t + 0.2 * (3.0 * t).sin(), 1.7 * t + 0.2 * s * s];
     let wrap = Wrap::new(&sheet(surface, [6, 5], flat)).unwrap();
-    let step = 1e-5;
-    for q in [DVec3::new(1.11, 0.72, 0.1), DVec3::new(0.72, 1.03, -0.2), DVec3::new(1.93, 1.41, 0.0)] {
-        let jacobian = wrap.laid(&[q]).unwrap().jacobians[0];
-        for axis in 0..3 {
-            let d = step * DVec3::AXES[axis];
-            let ends = wrap.points(&[q + d, q - d]).unwrap();
-            assert!(((ends[0] - ends[1]) / (2.0 * step)).distance(jacobian.col(axis)) < 1e-8, "{q} along {axis}");
-        }
-    }
+    let places = [DVec3::new(1.11, 0.72, 0.1), DVec3::new(0.72, 1.03, -0.2), DVec3::new(1.93, 1.41, 0.0)];
+    places.iter().for_each(|q| assert_jacobian(&wrap, *q));
 }
 
 #[test]
@@ -176,15 +180,7 @@ fn beyond_the_boundary_jacobians_are_those_of_the_map_too() {
     let places = [[-0.3, 0.7, 0.1], [1.1, -0.4, -0.2], [2.6, 2.3, 0.1], [-0.5, -0.6, 0.2]].map(DVec3::from_array);
     let wide: Vec<DVec3> = places.iter().map(|q| 1.5 * *q).chain(places).collect();
     let wrap = Wrap::covering(&sheet, &wide).unwrap();
-    let step = 1e-5;
-    for q in places {
-        let jacobian = wrap.laid(&[q]).unwrap().jacobians[0];
-        for axis in 0..3 {
-            let d = step * DVec3::AXES[axis];
-            let ends = wrap.points(&[q + d, q - d]).unwrap();
-            assert!(((ends[0] - ends[1]) / (2.0 * step)).distance(jacobian.col(axis)) < 1e-8, "{q} along {axis}");
-        }
-    }
+    places.iter().for_each(|q| assert_jacobian(&wrap, *q));
 }
 
 #[test]
