@@ -209,7 +209,7 @@ pub fn surface(text: &str, job: &mut Job) -> Result<(), Failure> {
     let toml = format!("surface = {{ {first} = {}{separator}{keys} }}", toml_string(name));
     let SurfaceRequest { grid, reach, flatten, place, refine, folds, save, sheet, .. } =
         job.surface.take().unwrap_or_default();
-    let made = surface_section("surface", &toml)?;
+    let made = surface_section("surface", text, &toml)?;
     let other = SurfaceRequest::default();
     job.surface = Some(SurfaceRequest {
         grid: made.grid.or(grid),
@@ -227,7 +227,7 @@ pub fn surface(text: &str, job: &mut Job) -> Result<(), Failure> {
 
 /// `at=[0.5,0.5],rotate=30`
 pub fn place(text: &str) -> Result<Placement, Failure> {
-    Ok(surface_section("place", &format!("surface = {{ place = {{ {text} }} }}"))?.place)
+    Ok(surface_section("place", text, &format!("surface = {{ place = {{ {text} }} }}"))?.place)
 }
 
 /// `0.05` or `off`
@@ -248,13 +248,14 @@ pub fn grid(text: &str) -> Result<[usize; 2], Failure> {
     }
 }
 
-fn surface_section(flag: &str, toml: &str) -> Result<SurfaceRequest, Failure> {
+/// The section of `toml`, which was made of the `text` behind a flag.
+fn surface_section(flag: &str, text: &str, toml: &str) -> Result<SurfaceRequest, Failure> {
     let job = Job::from_toml(toml).map_err(|error| {
         let hint = match &error.nearest {
             Some(nearest) => format!("did you mean `{nearest}`?"),
             None => "write keys and values as in a job file, with commas: radius=1,height=2".into(),
         };
-        Failure::usage(format!("--{flag}"), error.what, hint)
+        Failure::usage(format!("--{flag}"), format!("\"{text}\": {}", error.what), hint)
     })?;
     Ok(job.surface.unwrap_or_default())
 }

@@ -1245,6 +1245,7 @@ fn surfaces_that_cannot_be_are_refused() {
         ("--surface cylinder:radius=-1,height=2", 2, "surface"),
         ("--surface cylindre:radius=1", 2, "--surface"),
         ("--surface cylinder:radios=1", 2, "--surface"),
+        ("--surface torus:major=4,minor=1,angles=0..90", 2, "--surface"),
         ("--grid 4", 2, "--grid"),
         ("--surface cylinder:radius=1,height=2 --grid 4x", 2, "--grid"),
         ("--surface cylinder:radius=1,height=2 --refine much", 2, "--refine"),

@@ -56,10 +56,13 @@ impl Extrusion {
     }
 
     pub(crate) fn development(&self, s: f64, t: f64) -> DVec2 {
-        let length = self.along.length();
-        let from = self.profile.controls()[0];
-        let rise = (self.profile.jet(s).point - from).dot(self.along) / length;
-        DVec2::new(self.lengths.at(&self.profile, s), rise + t * length)
+        self.unrolled(s, self.profile.jet(s).point + t * self.along)
+    }
+
+    /// The same for any point of the straight line along a through C(s).
+    pub(crate) fn unrolled(&self, s: f64, point: DVec3) -> DVec2 {
+        let rise = (point - self.profile.controls()[0]).dot(self.along) / self.along.length();
+        DVec2::new(self.lengths.at(&self.profile, s), rise)
     }
 
     /// Whether straight lines of the development stay in the sheet.

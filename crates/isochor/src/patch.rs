@@ -4,9 +4,11 @@
 //! Piegl, W. Tiller, *The NURBS Book*, 1997, (4.11) and (4.20)); the bases' Bézier coefficients are tabulated once, so
 //! that an evaluation divides little and, up to degree [`ROW`] − 1, asks for no memory.
 
-use glam::{DVec3, DVec4};
+use glam::{DVec2, DVec3, DVec4, Vec2Swizzles};
 
 use crate::bspline::Basis;
+use crate::curve::Curve;
+use crate::extrusion::Extrusion;
 use crate::homogeneous::Homogeneous;
 use crate::interpolation::{Interpolation, Smoothness};
 use crate::pieces::Pieces;
@@ -32,6 +34,8 @@ pub struct Patch {
     closes: [bool; 2],
     /// The borders s = 0, s = 1, t = 0, t = 1: those that are one point, and the normal there, if there is one.
     poles: [Option<Option<DVec3>>; 4],
+    /// The extrusion of a curve that the patch is, if it is one, and the axis along which that goes.
+    extrusion: Option<(usize, Box<Extrusion>)>,
 }
 
 /// Point and derivatives: `∂^{k+l} S / ∂s^k ∂t^l` at [k][l], k and l below N.
@@ -51,12 +55,14 @@ impl Patch {
         }
         let net = Homogeneous::new(&controls, weights.as_deref())?;
         let pieces = [Pieces::of(&bases[0]), Pieces::of(&bases[1])];
-        let mut patch = Self { bases, controls, weights, net, pieces, closes: [false; 2], poles: [None; 4] };
+        let (closes, poles) = ([false; 2], [None; 4]);
+        let mut patch = Self { bases, controls, weights, net, pieces, closes, poles, extrusion: None };
         if patch.is_flat() {
             return Err(SurfaceError::Flat { what: "the patch" });
         }
         patch.closes = [0, 1].map(|axis| patch.meets(axis));
         patch.poles = [0, 1, 2, 3].map(|border| patch.pole_at(border));
+        patch.extrusion = [1, 0].into_iter().find_map(|axis| Some((axis, Box::new(patch.extruded(axis)?))));
         Ok(patch)
     }
 
@@ -127,6 +133,44 @@ impl Patch {
     #[must_use]
     pub fn weights(&self) -> Option<&[f64]> {
         self.weights.as_deref()
+    }
+
+    /// The extrusion that the patch is, with the axis along which it goes.
+    pub(crate) fn extrusion(&self) -> Option<(usize, &Extrusion)> {
+        self.extrusion.as_ref().map(|(axis, extrusion)| (*axis, &**extrusion))
+    }
+
+    /// Where (s, t) is when the patch is unrolled, if it is an extrusion: x along s, y along t.
+    pub(crate) fn development(&self, s: f64, t: f64) -> Option<DVec2> {
+        let (axis, extrusion) = self.extrusion()?;
+        let along_curve = [t, s][axis];
+        let unrolled = extrusion.unrolled(along_curve, self.partials::<2>(s, t)[0][0]);
+        Some(if axis == 1 { unrolled } else { unrolled.yx() })
+    }
+
+    /// What sweeps the patch along an axis: `P_ij = C_i + τ_j a` with rising τ, and weights that differ along the curve C alone.
+    fn extruded(&self, axis: usize) -> Option<Extrusion> {
+        let (columns, count) = (self.bases[1].size(), self.bases[axis].size());
+        let at = |along_curve: usize, j: usize| {
+            if axis == 1 { along_curve * columns + j } else { j * columns + along_curve }
+        };
+        let curve = 0..self.bases[1 - axis].size();
+        let along = self.controls[at(0, count - 1)] - self.controls[at(0, 0)];
+        let share = |j: usize| (self.controls[at(0, j)] - self.controls[at(0, 0)]).dot(along) / along.length_squared();
+        let shares: Vec<f64> = (0..count).map(share).collect();
+        let near = tolerances::SEAM * self.net.extent;
+        let is_swept = |i: usize, j: usize| {
+            let swept = self.controls[at(i, 0)] + shares[j] * along;
+            self.controls[at(i, j)].distance(swept) <= near
+                && self.weights.as_ref().is_none_or(|weights| weights[at(i, j)] == weights[at(i, 0)])
+        };
+        let rises = shares.windows(2).all(|two| two[0] < two[1]);
+        if !rises || !curve.clone().all(|i| (0..count).all(|j| is_swept(i, j))) {
+            return None;
+        }
+        let controls = curve.clone().map(|i| self.controls[at(i, 0)]).collect();
+        let weights = self.weights.as_ref().map(|weights| curve.map(|i| weights[at(i, 0)]).collect());
+        Extrusion::new(Curve::new(self.bases[1 - axis].clone(), controls, weights).ok()?, along).ok()
     }
 
     /// Whether it is a single polynomial, or quotient of two.

@@ -483,10 +483,14 @@ impl Surface {
         }
     }
 
-    /// Whether [`Surface::development`] has an answer: planes, cylinders, cones and extrusions.
+    /// Whether [`Surface::development`] has an answer: planes, cylinders, cones, extrusions, and patches that are extrusions.
     #[must_use]
     pub fn is_developable(&self) -> bool {
-        matches!(self.kind, Kind::Plane { .. } | Kind::Cone(_) | Kind::Extrusion(_))
+        match &self.kind {
+            Kind::Plane { .. } | Kind::Cone(_) | Kind::Extrusion(_) => true,
+            Kind::Patch(patch) => patch.extrusion().is_some(),
+            Kind::Sphere(_) | Kind::Torus(_) | Kind::Revolution(_) => false,
+        }
     }
 
     /// Where (s, t) is when the surface, cut at its seam, is unrolled into the plane without stretching: lengths and
@@ -504,6 +508,7 @@ impl Surface {
             }
             Kind::Cone(cone) => cone.development(s, t),
             Kind::Extrusion(extrusion) => extrusion.development(s, t),
+            Kind::Patch(patch) => patch.development(s, t)?,
             _ => return None,
         };
         Some(if self.flipped { DVec2::new(-developed.x, developed.y) } else { developed })
@@ -520,6 +525,7 @@ impl Surface {
             Kind::Plane { .. } => true,
             Kind::Cone(cone) => cone.sees(p, q),
             Kind::Extrusion(extrusion) => extrusion.is_straight(),
+            Kind::Patch(patch) => patch.extrusion().is_some_and(|(_, extrusion)| extrusion.is_straight()),
             Kind::Sphere(sphere) => return sphere.geodesic(p, q),
             _ => false,
         };

@@ -30,10 +30,13 @@ fn waves(height: f64) -> Surface {
     bezier(|x, y, z| DVec3::new(x + 0.3 * x * y * y, y - 0.2 * x * (1.0 - y), height * z))
 }
 
-/// A patch whose controls are those of a curve, moved along y: a cylinder over the curve, of which no closed form is known.
+/// A patch whose controls are those of a curve, moved along y: a cylinder over the curve. Its weights differ along y, so that no closed form is known.
 fn bent() -> Surface {
     let profile = |x: f64| DVec3::new(x, 0.0, 2.0 * x * (1.0 - x));
-    bezier(|x, y, _| profile(x) + DVec3::new(0.0, 0.8 * y, 0.0))
+    let control = |k: usize| profile((k / 4) as f64 / 3.0) + DVec3::new(0.0, 0.8 * (k % 4) as f64 / 3.0, 0.0);
+    let weights = (0..16).map(|k| [1.0, 1.2, 1.2, 1.0][k % 4]).collect();
+    let bases = [0; 2].map(|_| Basis::bernstein(4).unwrap());
+    Surface::from(Patch::new(bases, (0..16).map(control).collect(), Some(weights)).unwrap())
 }
 
 fn options(cells: [usize; 2]) -> FlattenOptions {

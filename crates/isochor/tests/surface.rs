@@ -57,6 +57,9 @@ fn surfaces() -> Vec<(&'static str, Surface)> {
         ("spline", Patch::through([6, 5], &bumps, Smoothness::Bicubic).unwrap().into()),
         ("revolution", Surface::revolution(wave(), [v(0.0, 5.0, 1.0), v(1.0, 0.2, 0.3)], [0.0, 250.0]).unwrap()),
         ("extrusion", Surface::extrusion(wave(), v(0.3, 0.2, 1.5)).unwrap()),
+        ("patch swept along t", swept(1, None)),
+        ("patch swept along s", swept(0, None)),
+        ("rational patch swept along t", swept(1, Some(|i, _| 1.0 + 0.3 * i as f64))),
         ("flipped cone", Surface::cone([2.0, 0.5], 3.0, [0.0, 300.0]).unwrap().flipped()),
         (
             "placed",
@@ -66,6 +69,49 @@ fn surfaces() -> Vec<(&'static str, Surface)> {
                 .unwrap(),
         ),
     ]
+}
+
+/// The patch of four control points of a curve, swept along a vector in three uneven steps, t for `axis` 1, s for 0; `weight` of curve and step.
+fn swept(axis: usize, weight: Option<fn(usize, usize) -> f64>) -> Surface {
+    let curve = [v(0.0, 0.0, 0.0), v(0.4, 0.1, 0.9), v(1.1, -0.2, -0.6), v(1.7, 0.3, 0.2)];
+    let bases = [Basis::bernstein(4).unwrap(), Basis::bernstein(3).unwrap()];
+    let all: Vec<(usize, usize)> = match axis {
+        1 => (0..4).flat_map(|i| (0..3).map(move |j| (i, j))).collect(),
+        _ => (0..3).flat_map(|j| (0..4).map(move |i| (i, j))).collect(),
+    };
+    let controls = all.iter().map(|(i, j)| curve[*i] + [0.0, 0.7, 1.0][*j] * v(0.2, 1.5, 0.3)).collect();
+    let weights = weight.map(|weight| all.iter().map(|(i, j)| weight(*i, *j)).collect());
+    let [of_curve, of_steps] = bases;
+    let bases = if axis == 1 { [of_curve, of_steps] } else { [of_steps, of_curve] };
+    Patch::new(bases, controls, weights).unwrap().into()
+}
+
+#[test]
+fn swept_patches_are_developable_and_others_are_not() {
+    for (name, surface) in surfaces() {
+        let is_developable = ["plane", "cylinder", "cone", "extrusion", "swept"].iter().any(|word| name.contains(word));
+        assert_eq!(surface.is_developable(), is_developable, "{name}");
+    }
+    // A quarter of a circle, exactly, is as long as it is.
+    let corner = [v(1.0, 0.0, 0.0), v(1.0, 1.0, 0.0), v(0.0, 1.0, 0.0)];
+    let controls = corner.iter().flat_map(|p| [*p, *p + 2.0 * DVec3::Z]).collect();
+    let weights = [1.0, 0.5f64.sqrt(), 1.0].iter().flat_map(|w| [*w; 2]).collect();
+    let bases = [Basis::bernstein(3).unwrap(), Basis::bernstein(2).unwrap()];
+    let quarter = Surface::from(Patch::new(bases, controls, Some(weights)).unwrap());
+    let [from, to] = [DVec2::ZERO, DVec2::ONE].map(|at| quarter.development(at.x, at.y).unwrap());
+    assert!((to - from).distance(DVec2::new(FRAC_PI_2, 2.0)) < 1e-12);
+    assert!((quarter.geodesic(DVec2::ZERO, DVec2::ONE).unwrap() - FRAC_PI_2.hypot(2.0)).abs() < 1e-12);
+    // Weights that differ along the rulings change where (s, t) is; such patches have no closed form here.
+    assert!(!swept(1, Some(|_, j| 1.0 + 0.3 * j as f64)).is_developable());
+    // One control point aside.
+    let mut controls: Vec<DVec3> =
+        (0..9).map(|k| v((k / 3) as f64, (k % 3) as f64, ((k / 3) * (k / 3)) as f64)).collect();
+    let of = |controls: &[DVec3]| {
+        Surface::from(Patch::new([0; 2].map(|_| Basis::bernstein(3).unwrap()), controls.to_vec(), None).unwrap())
+    };
+    assert!(of(&controls).is_developable());
+    controls[4].z += 1e-9;
+    assert!(!of(&controls).is_developable());
 }
 
 /// No knot of the splines is there.
