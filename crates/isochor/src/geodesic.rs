@@ -187,11 +187,11 @@ impl Arc {
             let third = (from.third + to.third).dot(sum);
             let [a, b, c, d] = [0.5 * sum.length_squared(), second / 10.0, third / 120.0, chord.dot(sum)];
             let slope = a + length * (2.0 * b + 3.0 * length * c);
-            let are_near = from.tangent.dot(to.tangent) >= NEAR && slope > 0.0;
+            let settled = length + (d - length * (a + length * (b + length * c))) / slope;
+            let are_near = from.tangent.dot(to.tangent) >= NEAR && slope > 0.0 && settled > 0.0;
             if !are_near {
                 return None;
             }
-            let settled = length + (d - length * (a + length * (b + length * c))) / slope;
             let change = (settled - length).abs() / settled;
             // Changes fall by about the same factor from round to round.
             let factor = last_change.map_or_else(|| SECOND * p.normal.distance_squared(q.normal), |last| change / last);
@@ -298,9 +298,12 @@ fn between(
         path.halve(surface, accuracy)?;
         let Some(excess) = straightened(surface, &mut path.stations, &mut path.arcs, accuracy)? else { continue };
         let Some(length) = path.length() else { continue };
-        let Some(coarse) = last.replace(length) else { continue };
         // Arcs do not tell where the surface is not smooth.
-        let change = if surface.is_smooth() { 0.0 } else { (length - coarse).abs() / halved };
+        let change = match (surface.is_smooth(), last.replace(length)) {
+            (true, _) => 0.0,
+            (false, Some(coarse)) => (length - coarse).abs() / halved,
+            (false, None) => continue,
+        };
         let error = (change.max(path.off()) + excess) / length;
         found = Some(Geodesic { length, error });
         if error <= accuracy {
