@@ -1,30 +1,14 @@
 //! Against numbers from independent programs: `tests/reference/` says which in each file's `about`.
 
-use std::path::Path;
+mod numbers;
 
 use glam::DVec3;
 use isochor::{
     Basis, Bounds, CorrectOptions, Faces, Frame, Lattice, Mesh, Method, OpenBoundaries, Outside, PointTarget, Pose,
     Solid, Wanted, correct, topology,
 };
+use numbers::{number, numbers, reference, vectors};
 use serde_json::Value;
-
-fn reference(name: &str) -> Value {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/reference").join(name);
-    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
-}
-
-fn number(v: &Value) -> f64 {
-    v.as_f64().unwrap()
-}
-
-fn numbers(v: &Value) -> Vec<f64> {
-    v.as_array().unwrap().iter().map(number).collect()
-}
-
-fn vectors(v: &Value) -> Vec<DVec3> {
-    v.as_array().unwrap().iter().map(|p| DVec3::from_slice(&numbers(p))).collect()
-}
 
 fn indices<const K: usize>(v: &Value) -> Vec<[u32; K]> {
     let row = |f: &Value| numbers(f).iter().map(|x| *x as u32).collect::<Vec<_>>().try_into().unwrap();

@@ -1,31 +1,14 @@
 //! Springs between control points: against ranks and optima of independent programs, and against differences.
 
-use std::path::Path;
+mod numbers;
 
 use faer::{Mat, Side};
 use glam::{DQuat, DVec3};
 use isochor::{
     Basis, Frame, Lattice, Net, OpenBoundaries, Outside, Solid, Springs, SpringsError, Stiffness, shapes, topology,
 };
+use numbers::{number, numbers, reference, vectors};
 use proptest::prelude::*;
-use serde_json::Value;
-
-fn reference(name: &str) -> Value {
-    let path = Path::new(env!("CARGO_MANIFEST_DIR")).join("tests/reference").join(name);
-    serde_json::from_slice(&std::fs::read(path).unwrap()).unwrap()
-}
-
-fn number(v: &Value) -> f64 {
-    v.as_f64().unwrap()
-}
-
-fn numbers(v: &Value) -> Vec<f64> {
-    v.as_array().unwrap().iter().map(number).collect()
-}
-
-fn vectors(v: &Value) -> Vec<DVec3> {
-    v.as_array().unwrap().iter().map(|p| DVec3::from_slice(&numbers(p))).collect()
-}
 
 /// Of Bernstein polynomials in the box from `low` of `size`.
 fn lattice(nodes: [usize; 3], low: DVec3, size: DVec3) -> Lattice {
