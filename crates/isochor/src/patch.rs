@@ -156,6 +156,9 @@ impl Patch {
         };
         let curve = 0..self.bases[1 - axis].size();
         let along = self.controls[at(0, count - 1)] - self.controls[at(0, 0)];
+        if along == DVec3::ZERO {
+            return None;
+        }
         let share = |j: usize| (self.controls[at(0, j)] - self.controls[at(0, 0)]).dot(along) / along.length_squared();
         let shares: Vec<f64> = (0..count).map(share).collect();
         let near = tolerances::SEAM * self.net.extent;
