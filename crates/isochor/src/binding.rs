@@ -342,6 +342,28 @@ impl Binding {
         weights
     }
 
+    /// Control points along u, v, w.
+    pub(crate) fn size(&self) -> [usize; 3] {
+        self.size
+    }
+
+    /// The first control along u, v, w that vertex v follows, and how many there are; none for a kept vertex.
+    pub(crate) fn reach_of(&self, v: usize) -> ([usize; 3], [usize; 3]) {
+        match self.cells[v] {
+            KEPT => ([0; 3], [0; 3]),
+            cell => ([0, 1, 2].map(|axis| self.pieces[axis].start(cell[axis])), self.lengths()),
+        }
+    }
+
+    /// Row v of W over [`Binding::reach_of`], the last axis first; `scratch` may hold anything.
+    pub(crate) fn fill_row(&self, v: usize, row: &mut [f64], scratch: &mut Vec<f64>) {
+        let mut lines = row.chunks_mut(self.lengths()[2]);
+        self.for_each_line(v, scratch, |_, w, along_w| {
+            let line = lines.next().expect("a line for each of the row");
+            line.iter_mut().zip(along_w).for_each(|(to, x)| *to = w * x);
+        });
+    }
+
     /// Entries that [`Binding::gram`] goes through; `None` where there are too many to count.
     pub(crate) fn gram_len(&self) -> Option<usize> {
         self.reaches().into_iter().try_fold(self.control_count(), usize::checked_mul)

@@ -461,7 +461,7 @@ impl<'a> Corrector<'a> {
     }
 
     /// For one correction: nothing is copied.
-    fn borrowed(solid: &'a Solid, binding: &'a Binding, options: &CorrectOptions) -> Result<Self, CorrectError> {
+    pub(crate) fn borrowed(solid: &'a Solid, binding: &'a Binding, options: &CorrectOptions) -> Result<Self, CorrectError> {
         let controls = binding.control_count();
         length("the binding", binding.vertex_count(), solid.vertex_count())?;
         let mobility = options.mobility.clone().unwrap_or_else(|| vec![DVec3::ONE; controls]);
@@ -556,7 +556,7 @@ impl<'a> Corrector<'a> {
     }
 
     /// The checked request.
-    fn problem<'b>(&'b self, posed: &[DVec3], wanted: &'b Wanted) -> Result<Problem<'b>, CorrectError> {
+    pub(crate) fn problem<'b>(&'b self, posed: &[DVec3], wanted: &'b Wanted) -> Result<Problem<'b>, CorrectError> {
         let (solid, binding) = (&*self.solid, &*self.binding);
         length("the posed vertices", posed.len(), solid.vertex_count())?;
         let controls = binding.control_count();
@@ -736,7 +736,7 @@ pub(crate) struct Slope {
 
 impl Slope {
     /// Of the whole body at a pose, with its volumes: one sweep for both. `None` where that cannot be.
-    fn with_volumes(solid: &Solid, binding: &Binding, points: &[DVec3]) -> Option<(Volumes, Self)> {
+    pub(crate) fn with_volumes(solid: &Solid, binding: &Binding, points: &[DVec3]) -> Option<(Volumes, Self)> {
         let of_part = |vertices, g: &PartGradient| SlopePart::of(binding, points, vertices, g);
         let (volumes, parts) = is_swept(solid, binding).then(|| solid.survey(points, of_part))?;
         Some((volumes, SlopePart::whole(binding, parts)))

@@ -73,14 +73,17 @@
 mod along;
 mod arc;
 mod arc_length;
+mod augmented;
 mod axes;
 mod binding;
+mod block_matrix;
 mod body;
 mod bspline;
 mod built_in;
 mod coarse;
 mod cone;
 mod correct;
+mod couplings;
 mod crossing;
 mod curvature;
 mod curve;
@@ -88,7 +91,9 @@ mod descent;
 mod double;
 mod drag;
 mod edit;
+mod elastic;
 mod energy;
+mod equilibrium;
 #[cfg(feature = "serde")]
 mod exact;
 mod extrusion;
@@ -105,12 +110,16 @@ mod interpolation;
 mod job;
 #[cfg(feature = "serde")]
 mod job_text;
+mod kkt;
 mod lattice;
 mod locality;
 mod locate;
+mod measure;
 mod mesh;
 mod metric;
+mod moments;
 mod nearest;
+mod node_rows;
 mod order;
 mod outcome;
 mod parallel;
@@ -148,9 +157,11 @@ mod triangles;
 mod triangulation;
 mod unroll;
 mod volume;
+mod volume_form;
 mod wrap;
 
 pub use along::{AlongError, SheetDrawing};
+pub use augmented::{Augmented, LevelReport};
 pub use binding::{Binding, BoundVertices, displaced};
 pub use bspline::{Basis, BasisError, MAX_SIZE};
 pub use built_in::{BuiltIn, ShapeName, ShapeNameError};
@@ -161,6 +172,10 @@ pub use drag::{Drag, DragError};
 pub use edit::{
     Axis, Bend, Edit, EditError, Factors, LengthUnit, Move, Noise, Rotate, RotationAxis, Scale, SignedAxis, Stretch,
     Taper, Twist,
+};
+pub use elastic::{
+    Elastic, ElasticError, ElasticModel, ElasticOptions, ElasticSolver, ElasticState, ElasticStatus, ElasticStep, ElasticWanted, Evaluation,
+    MomentTargets, Settled, relaxed,
 };
 pub use energy::Energy;
 #[cfg(feature = "serde")]
@@ -184,6 +199,7 @@ pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use locate::LocateError;
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
+pub use moments::Moments;
 pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice, Stage};
 pub use patch::Patch;
 pub use placement::{Beyond, Height, HeightWord, Placed, Placement, PlacementError, SheetFit};
@@ -209,6 +225,7 @@ pub use surface_request::{
     SurfaceRequest, SurfaceRequestError, ThroughRequest,
 };
 pub use topology::{Topology, UnbalancedEdge, topology};
+pub use volume_form::VolumeForm;
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
 pub use wrap::{Feet, Laid, Wrap, WrapError, WrapFolds};
 

@@ -58,6 +58,11 @@ impl Rows {
         norm(&rest) > (tolerances::DEPENDENT_ROW * norm(row)).max(least)
     }
 
+    /// Orthonormal rows that span those given (#independent rows × #unknowns).
+    pub(crate) fn basis(&self) -> &[Vec<f64>] {
+        &self.basis
+    }
+
     /// Whether row `k` is independent of those before it.
     pub(crate) fn is_independent(&self, k: usize) -> bool {
         self.is_independent[k]

@@ -176,6 +176,18 @@ impl Springs {
         if springs.is_empty() { Err(SpringsError::Slack) } else { Ok(Self { springs, nodes: rest.len() }) }
     }
 
+    /// Number of nodes.
+    #[must_use]
+    pub fn node_count(&self) -> usize {
+        self.nodes
+    }
+
+    /// The largest force that stretches a spring by its own length: what forces are compared with.
+    #[must_use]
+    pub fn force(&self) -> f64 {
+        self.springs.iter().map(|spring| spring.stiffness * spring.length).fold(0.0, f64::max)
+    }
+
     /// All of them.
     #[must_use]
     pub fn springs(&self) -> &[Spring] {

@@ -41,6 +41,14 @@ pub const KKT: f64 = 1e-12;
 /// gradients are rounded, fail.
 pub const KKT_ENOUGH: f64 = 1e-10;
 
+/// Springs have settled where what pushes a node is below this fraction of the force that stretches a spring by its own length. Larger: nodes
+/// are further from where they settle than need be; smaller: rounding is chased.
+pub const BALANCE: f64 = 1e-12;
+
+/// What forces must come to, to be called balanced. Larger: settled would not mean settled; smaller: large meshes, whose gradients are
+/// rounded, fail.
+pub const BALANCE_ENOUGH: f64 = 1e-9;
+
 /// What is added to the diagonal of an energy of the lattice, whose mean diagonal is 1. Larger: the smallest displacement is that of the controls rather
 /// than of the energy; smaller: what the energy does not feel moves far for little.
 pub const ENERGY_FLOOR: f64 = 1e-6;

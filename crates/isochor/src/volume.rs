@@ -613,6 +613,21 @@ impl Solid {
         &self.triangles[self.components[c].clone()]
     }
 
+    /// The triangles of all components, caps included.
+    pub(crate) fn all_triangles(&self) -> &[[u32; 3]] {
+        &self.triangles
+    }
+
+    /// Of each component where its triangles are in [`Solid::all_triangles`].
+    pub(crate) fn component_ranges(&self) -> &[Range<usize>] {
+        &self.components
+    }
+
+    /// The vertices of each cap, whose mean its apex is.
+    pub(crate) fn cap_members(&self) -> impl ExactSizeIterator<Item = &[u32]> {
+        self.caps.iter().map(|cap| &cap.members[..])
+    }
+
     /// The points relative to an origin near them, followed by the apexes of the caps.
     pub(crate) fn points_with_apexes<'a>(&self, points: &'a [DVec3]) -> Cow<'a, [DVec3]> {
         self.near_with_apexes(points)

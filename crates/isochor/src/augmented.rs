@@ -1,0 +1,281 @@
+//! HML's own method: an augmented Lagrangian, minimised level after level of detail.
+//!
+//! ```text
+//! L_a = E + σ/2 ΔV² − λ ΔV                                                                        (19)
+//! ```
+//!
+//! is minimised by the nodes; then `λ ← λ − σ ΔV`, and again, until |ΔV| is within ε of the volume. λ begins at 0, and σ is doubled while |ΔV| does not
+//! halve (figure 3). So on the coarsest level, and with the nodes, σ and λ found there on the next, until nodes move no more from
+//! one to the next (figure 4). ΔV of a level is against that level's own volume at rest.
+//!
+//! # Changes versus the paper
+//!
+//! - Points and moments have terms of their own, in the unit of the volume.
+//! - The minimiser is L-BFGS (the crate `argmin`); the paper has "typical gradient descent algorithms".
+//! - The paper gives neither the first σ nor its ceiling: here both are stated relative to the springs' stiffness ([`Augmented`]).
+
+use std::cell::RefCell;
+
+use argmin::core::{CostFunction, Executor, Gradient, State};
+use argmin::solver::linesearch::MoreThuenteLineSearch;
+use argmin::solver::quasinewton::LBFGS;
+use glam::DVec3;
+
+use crate::elastic::{Clock, ElasticStatus};
+use crate::equilibrium::{PointCondition, Pose, Search};
+use crate::measure::{Measure, MeshMeasure};
+use crate::rows::add;
+
+/// How HML's method goes.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Augmented {
+    /// ε: a level ends where volumes are this near, relatively. 0.001 as in the paper.
+    pub tolerance: f64,
+    /// Levels end where nodes moved less than this from one to the next, in extents. 0.001 as in the paper.
+    pub change: f64,
+    /// The first σ, in units of `k L² / V²`: k L the largest force of a spring that is stretched by its own length L, V the volume.
+    pub penalty: f64,
+    /// The largest σ, in the same unit: an excessively large one "leads to numerical instability".
+    pub ceiling: f64,
+    /// A minimisation ends where the gradient is below this, in units of k L. Larger: λ is updated from poses that are not minima; smaller: digits
+    /// are sought that the next λ changes.
+    pub gradient: f64,
+}
+
+impl Default for Augmented {
+    fn default() -> Self {
+        Self { tolerance: 1e-3, change: 1e-3, penalty: 10.0, ceiling: 1e7, gradient: 1e-3 }
+    }
+}
+
+/// What happened on a level: a row of HML's table 2.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct LevelReport {
+    /// Triangles of its mesh.
+    pub triangles: usize,
+    /// Steps of the minimiser.
+    pub steps: usize,
+    /// Evaluations of its volume.
+    pub evaluations: usize,
+    /// σ at its end.
+    pub penalty: f64,
+    /// By how much volumes are off there, relatively, on its own mesh.
+    pub volume_error: f64,
+    /// Farthest that a coordinate of a node moved on it, in extents.
+    pub change: f64,
+    /// How long it took; 0 where there is no clock.
+    pub milliseconds: f64,
+    /// Where the nodes were at its end (#nodes × 3), relative to where the solver computes.
+    #[cfg_attr(feature = "serde", serde(skip))]
+    pub places: Vec<DVec3>,
+}
+
+/// Minimisations of a level at most, and steps of one. Ordinary ones take 5 to 10, of 5 to 50.
+const ROUNDS: usize = 60;
+const STEPS: u64 = 500;
+
+/// Steps that the minimiser remembers.
+const MEMORY: usize = 8;
+
+/// The augmented Lagrangian of a level.
+struct Lagrangian<'a> {
+    search: &'a Search<'a>,
+    measure: &'a MeshMeasure<'a>,
+    /// What each number of the measure must be on this level.
+    targets: Vec<f64>,
+    /// From errors of points along x, y, z, then of numbers, to the unit of the volume.
+    units: Vec<f64>,
+    start: &'a [DVec3],
+    penalty: f64,
+    multipliers: Vec<f64>,
+    /// The last place that was asked for, with what was found there.
+    last: RefCell<Option<(Vec<f64>, f64, Vec<f64>)>>,
+}
+
+impl Lagrangian<'_> {
+    fn places(&self, x: &[f64]) -> Vec<DVec3> {
+        self.search.pattern.moved(self.start, 1.0, x)
+    }
+
+    /// ΔV of all conditions with their gradients.
+    fn errors(&self, places: &[DVec3]) -> Vec<(f64, Vec<f64>)> {
+        let mut errors = Vec::new();
+        for PointCondition { weights, sum } in self.search.conditions.points {
+            let found: DVec3 = weights.iter().map(|(node, w)| *w * places[*node]).sum();
+            for axis in 0..3 {
+                let mut row = vec![DVec3::ZERO; places.len()];
+                weights.iter().for_each(|(node, w)| row[*node][axis] += w);
+                errors.push((found[axis] - sum[axis], self.search.pattern.pulled(&row)));
+            }
+        }
+        let survey = self.measure.survey(places);
+        for ((value, target), gradient) in survey.values.iter().zip(&self.targets).zip(&survey.gradients) {
+            errors.push((value - target, self.search.pattern.pulled(gradient)));
+        }
+        for ((error, gradient), unit) in errors.iter_mut().zip(&self.units) {
+            *error *= unit;
+            gradient.iter_mut().for_each(|g| *g *= unit);
+        }
+        errors
+    }
+
+    /// L_a and its gradient.
+    fn at(&self, x: &[f64]) -> (f64, Vec<f64>) {
+        if let Some((at, value, gradient)) = &*self.last.borrow()
+            && at == x
+        {
+            return (*value, gradient.clone());
+        }
+        let places = self.places(x);
+        let mut value = self.search.springs.energy(&places);
+        let mut gradient = self.search.pattern.pulled(&self.search.springs.gradient(&places));
+        for ((error, of_error), multiplier) in self.errors(&places).iter().zip(&self.multipliers) {
+            value += self.penalty / 2.0 * error * error - multiplier * error;
+            add(&mut gradient, self.penalty * error - multiplier, of_error);
+        }
+        *self.last.borrow_mut() = Some((x.to_vec(), value, gradient.clone()));
+        (value, gradient)
+    }
+}
+
+/// For the library.
+struct Asked<'a>(&'a Lagrangian<'a>);
+
+impl CostFunction for Asked<'_> {
+    type Param = Vec<f64>;
+    type Output = f64;
+
+    fn cost(&self, x: &Self::Param) -> Result<f64, argmin::core::Error> {
+        Ok(self.0.at(x).0)
+    }
+}
+
+impl Gradient for Asked<'_> {
+    type Param = Vec<f64>;
+    type Gradient = Vec<f64>;
+
+    fn gradient(&self, x: &Self::Param) -> Result<Self::Gradient, argmin::core::Error> {
+        Ok(self.0.at(x).1)
+    }
+}
+
+/// The least of a Lagrangian from x, and the steps it took. Where the line search finds nothing lower any more, that is it.
+fn least(lagrangian: &Lagrangian, x: &[f64], enough: f64) -> (Vec<f64>, usize) {
+    let solver = LBFGS::new(MoreThuenteLineSearch::new(), MEMORY).with_tolerance_grad(enough);
+    let Ok(solver) = solver else { return (x.to_vec(), 0) };
+    let run = Executor::new(Asked(lagrangian), solver)
+        .configure(|state| state.param(x.to_vec()).max_iters(STEPS))
+        .timer(false)
+        .run();
+    match run {
+        Ok(result) => {
+            let steps = result.state().get_iter() as usize;
+            (result.state().get_best_param().cloned().unwrap_or_else(|| x.to_vec()), steps)
+        }
+        Err(_) => (x.to_vec(), 0),
+    }
+}
+
+/// Settles the nodes, level after level, `mesh` the last. `on_step` sees each pose at the end of a minimisation and says whether to go on.
+pub(crate) fn settle<'a>(
+    levels: &'a [MeshMeasure<'a>],
+    search: &'a Search<'a>,
+    mesh: &'a MeshMeasure<'a>,
+    places: &[DVec3],
+    options: &Augmented,
+    on_step: &mut dyn FnMut(&Pose) -> bool,
+) -> (Pose, Vec<LevelReport>, ElasticStatus) {
+    let conditions = &search.conditions;
+    let goals = mesh.numbers.goals.len();
+    let of_rest = mesh.solid.volumes(&mesh.points);
+    let rest_volumes = mesh.numbers.goals.volumes(&of_rest);
+    // Without a wanted volume that of the model's box stands for it.
+    let volume = if goals > 0 { conditions.scales[0] } else { conditions.extent.powi(3) };
+    let force = search.springs.force();
+    let length = search.springs.springs().iter().map(|spring| spring.length).fold(0.0, f64::max);
+    let unit = force * length / (volume * volume);
+    let mut units = vec![volume / conditions.extent; 3 * conditions.points.len()];
+    units.extend(conditions.scales.iter().map(|scale| volume / scale));
+    let mut penalty = options.penalty * unit;
+    let mut multipliers = vec![0.0; units.len()];
+    let mut places = places.to_vec();
+    let mut reports: Vec<LevelReport> = Vec::new();
+    let mut status = ElasticStatus::Approximate;
+    let last = levels.len();
+    for (index, measure) in levels.iter().chain([mesh]).enumerate() {
+        let clock = Clock::start(None);
+        let own = measure.numbers.goals.volumes(&measure.solid.volumes(&measure.points));
+        let targets = conditions.targets.iter().enumerate().map(|(k, target)| match k < goals {
+            true => target * own[k] / rest_volumes[k],
+            false => *target,
+        });
+        let before = measure.surveys();
+        let start = places.clone();
+        let mut lagrangian = Lagrangian {
+            search,
+            measure,
+            targets: targets.collect(),
+            units: units.clone(),
+            start: &start,
+            penalty,
+            multipliers: multipliers.clone(),
+            last: RefCell::new(None),
+        };
+        let mut x = vec![0.0; search.pattern.unknowns()];
+        let (mut steps, mut error, mut is_over) = (0, f64::INFINITY, false);
+        let mut rounds = 0;
+        loop {
+            let (found, taken) = least(&lagrangian, &x, options.gradient * force);
+            x = found;
+            steps += taken;
+            rounds += 1;
+            let at = lagrangian.places(&x);
+            let errors: Vec<f64> = lagrangian.errors(&at).into_iter().map(|(error, _)| error).collect();
+            let still = errors.iter().fold(0.0, |most: f64, error| most.max(error.abs())) / volume;
+            let survey = measure.survey(&at);
+            is_over = !on_step(&search.surveyed(at, &survey));
+            if is_over || still <= options.tolerance {
+                error = still;
+                break;
+            }
+            if rounds >= ROUNDS || !still.is_finite() {
+                (error, status) = (still, ElasticStatus::StepLimit);
+                break;
+            }
+            *lagrangian.last.borrow_mut() = None;
+            if still > 0.5 * error && lagrangian.penalty < options.ceiling * unit {
+                lagrangian.penalty *= 2.0;
+            } else {
+                for (multiplier, error) in lagrangian.multipliers.iter_mut().zip(&errors) {
+                    *multiplier -= lagrangian.penalty * error;
+                }
+                error = still;
+            }
+        }
+        let there = lagrangian.places(&x);
+        let change = start.iter().zip(&there).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f64::max);
+        (penalty, multipliers) = (lagrangian.penalty, lagrangian.multipliers);
+        places = there;
+        reports.push(LevelReport {
+            triangles: measure.solid.triangle_count(),
+            steps,
+            evaluations: measure.surveys() - before,
+            penalty,
+            volume_error: error,
+            change: change / conditions.extent,
+            milliseconds: clock.milliseconds(),
+            places: places.clone(),
+        });
+        if is_over {
+            status = ElasticStatus::Stopped;
+            break;
+        }
+        let has_settled = index > 0 && change / conditions.extent <= options.change;
+        if status == ElasticStatus::StepLimit || (has_settled && index < last) {
+            break;
+        }
+    }
+    let survey = mesh.survey(&places);
+    (search.surveyed(places, &survey), reports, status)
+}
