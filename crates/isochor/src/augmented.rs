@@ -23,7 +23,7 @@ use glam::DVec3;
 
 use crate::elastic::{Clock, ElasticStatus};
 use crate::equilibrium::{PointCondition, Pose, Search};
-use crate::measure::{Measure, MeshMeasure};
+use crate::measure::{Measure, MeshMeasure, Survey};
 use crate::rows::add;
 
 /// How HML's method goes.
@@ -89,17 +89,32 @@ struct Lagrangian<'a> {
     start: &'a [DVec3],
     penalty: f64,
     multipliers: Vec<f64>,
-    /// The last place that was asked for, with what was found there.
-    last: RefCell<Option<(Vec<f64>, f64, Vec<f64>)>>,
+    /// What a unit of the minimiser's unknowns is in those of the nodes: its first steps are then of the right size.
+    unit: f64,
+    /// What was found at the last place that was asked for.
+    last: RefCell<Option<Found>>,
+}
+
+/// What there is at a place.
+#[derive(Clone)]
+struct Found {
+    /// The minimiser's unknowns.
+    x: Vec<f64>,
+    places: Vec<DVec3>,
+    survey: Survey,
+    /// ΔV of all conditions with their gradients.
+    errors: Vec<(f64, Vec<f64>)>,
 }
 
 impl Lagrangian<'_> {
-    fn places(&self, x: &[f64]) -> Vec<DVec3> {
-        self.search.pattern.moved(self.start, 1.0, x)
-    }
-
-    /// ΔV of all conditions with their gradients.
-    fn errors(&self, places: &[DVec3]) -> Vec<(f64, Vec<f64>)> {
+    /// What there is at x.
+    fn at(&self, x: &[f64]) -> Found {
+        if let Some(found) = &*self.last.borrow()
+            && found.x == x
+        {
+            return found.clone();
+        }
+        let places = self.search.pattern.moved(self.start, self.unit, x);
         let mut errors = Vec::new();
         for PointCondition { weights, sum } in self.search.conditions.points {
             let found: DVec3 = weights.iter().map(|(node, w)| *w * places[*node]).sum();
@@ -109,7 +124,7 @@ impl Lagrangian<'_> {
                 errors.push((found[axis] - sum[axis], self.search.pattern.pulled(&row)));
             }
         }
-        let survey = self.measure.survey(places);
+        let survey = self.measure.survey(&places);
         for ((value, target), gradient) in survey.values.iter().zip(&self.targets).zip(&survey.gradients) {
             errors.push((value - target, self.search.pattern.pulled(gradient)));
         }
@@ -117,25 +132,27 @@ impl Lagrangian<'_> {
             *error *= unit;
             gradient.iter_mut().for_each(|g| *g *= unit);
         }
-        errors
+        let found = Found { x: x.to_vec(), places, survey, errors };
+        *self.last.borrow_mut() = Some(found.clone());
+        found
     }
 
-    /// L_a and its gradient.
-    fn at(&self, x: &[f64]) -> (f64, Vec<f64>) {
-        if let Some((at, value, gradient)) = &*self.last.borrow()
-            && at == x
-        {
-            return (*value, gradient.clone());
-        }
-        let places = self.places(x);
-        let mut value = self.search.springs.energy(&places);
-        let mut gradient = self.search.pattern.pulled(&self.search.springs.gradient(&places));
-        for ((error, of_error), multiplier) in self.errors(&places).iter().zip(&self.multipliers) {
-            value += self.penalty / 2.0 * error * error - multiplier * error;
+    /// L_a there.
+    fn value(&self, found: &Found) -> f64 {
+        let term = |((error, _), multiplier): (&(f64, Vec<f64>), &f64)| {
+            self.penalty / 2.0 * error * error - multiplier * error
+        };
+        self.search.springs.energy(&found.places) + found.errors.iter().zip(&self.multipliers).map(term).sum::<f64>()
+    }
+
+    /// Its gradient there, by the minimiser's unknowns.
+    fn gradient(&self, found: &Found) -> Vec<f64> {
+        let mut gradient = self.search.pattern.pulled(&self.search.springs.gradient(&found.places));
+        for ((error, of_error), multiplier) in found.errors.iter().zip(&self.multipliers) {
             add(&mut gradient, self.penalty * error - multiplier, of_error);
         }
-        *self.last.borrow_mut() = Some((x.to_vec(), value, gradient.clone()));
-        (value, gradient)
+        gradient.iter_mut().for_each(|g| *g *= self.unit);
+        gradient
     }
 }
 
@@ -147,7 +164,7 @@ impl CostFunction for Asked<'_> {
     type Output = f64;
 
     fn cost(&self, x: &Self::Param) -> Result<f64, argmin::core::Error> {
-        Ok(self.0.at(x).0)
+        Ok(self.0.value(&self.0.at(x)))
     }
 }
 
@@ -156,7 +173,7 @@ impl Gradient for Asked<'_> {
     type Gradient = Vec<f64>;
 
     fn gradient(&self, x: &Self::Param) -> Result<Self::Gradient, argmin::core::Error> {
-        Ok(self.0.at(x).1)
+        Ok(self.0.gradient(&self.0.at(x)))
     }
 }
 
@@ -197,11 +214,15 @@ pub(crate) fn settle<'a>(
     let unit = force * length / (volume * volume);
     let mut units = vec![volume / conditions.extent; 3 * conditions.points.len()];
     units.extend(conditions.scales.iter().map(|scale| volume / scale));
+    // The root of what a node is held with, on average.
+    let held: f64 = search.springs.hessian(&places.to_vec()).map(|(spring, _)| 2.0 * spring.stiffness).sum();
+    let stiffness = (held / search.springs.node_count() as f64).sqrt();
     let mut penalty = options.penalty * unit;
     let mut multipliers = vec![0.0; units.len()];
     let mut places = places.to_vec();
     let mut reports: Vec<LevelReport> = Vec::new();
     let mut status = ElasticStatus::Approximate;
+    let mut on_mesh = None;
     let last = levels.len();
     for (index, measure) in levels.iter().chain([mesh]).enumerate() {
         let clock = Clock::start(None);
@@ -220,21 +241,21 @@ pub(crate) fn settle<'a>(
             start: &start,
             penalty,
             multipliers: multipliers.clone(),
+            unit: stiffness.recip(),
             last: RefCell::new(None),
         };
         let mut x = vec![0.0; search.pattern.unknowns()];
-        let (mut steps, mut error, mut is_over) = (0, f64::INFINITY, false);
-        let mut rounds = 0;
+        let (mut steps, mut rounds, mut error) = (0, 0, f64::INFINITY);
+        let mut is_over;
         loop {
-            let (found, taken) = least(&lagrangian, &x, options.gradient * force);
-            x = found;
+            let (lowest, taken) = least(&lagrangian, &x, options.gradient * force * stiffness.recip());
+            x = lowest;
             steps += taken;
             rounds += 1;
-            let at = lagrangian.places(&x);
-            let errors: Vec<f64> = lagrangian.errors(&at).into_iter().map(|(error, _)| error).collect();
-            let still = errors.iter().fold(0.0, |most: f64, error| most.max(error.abs())) / volume;
-            let survey = measure.survey(&at);
-            is_over = !on_step(&search.surveyed(at, &survey));
+            let found = lagrangian.at(&x);
+            let most = |most: f64, (error, _): &(f64, Vec<f64>)| most.max(error.abs());
+            let still = found.errors.iter().fold(0.0, most) / volume;
+            is_over = !on_step(&search.surveyed(found.places, &found.survey));
             if is_over || still <= options.tolerance {
                 error = still;
                 break;
@@ -243,20 +264,21 @@ pub(crate) fn settle<'a>(
                 (error, status) = (still, ElasticStatus::StepLimit);
                 break;
             }
-            *lagrangian.last.borrow_mut() = None;
             if still > 0.5 * error && lagrangian.penalty < options.ceiling * unit {
                 lagrangian.penalty *= 2.0;
             } else {
-                for (multiplier, error) in lagrangian.multipliers.iter_mut().zip(&errors) {
+                for (multiplier, (error, _)) in lagrangian.multipliers.iter_mut().zip(&found.errors) {
                     *multiplier -= lagrangian.penalty * error;
                 }
                 error = still;
             }
         }
-        let there = lagrangian.places(&x);
-        let change = start.iter().zip(&there).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f64::max);
+        let found = lagrangian.at(&x);
+        let there = &found.places;
+        let change = start.iter().zip(there).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f64::max);
         (penalty, multipliers) = (lagrangian.penalty, lagrangian.multipliers);
-        places = there;
+        places.clone_from(there);
+        on_mesh = (index == last).then_some(found.survey);
         reports.push(LevelReport {
             triangles: measure.solid.triangle_count(),
             steps,
@@ -276,6 +298,6 @@ pub(crate) fn settle<'a>(
             break;
         }
     }
-    let survey = mesh.survey(&places);
+    let survey = on_mesh.unwrap_or_else(|| mesh.survey(&places));
     (search.surveyed(places, &survey), reports, status)
 }

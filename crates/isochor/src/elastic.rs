@@ -244,10 +244,10 @@ struct Matrix {
 }
 
 impl Matrix {
-    fn new(neighbours: Neighbours, is_free: &[BVec3], binding: &Binding) -> Result<Self, ElasticError> {
+    fn new(neighbours: Neighbours, is_free: &[BVec3]) -> Result<Self, ElasticError> {
         let too_large = || ElasticError::TooLarge { nodes: is_free.len() };
         let pattern = BlockPattern::new(neighbours, is_free).ok_or_else(too_large)?;
-        let kkt = Kkt::new(&pattern, binding.is_portable()).ok_or_else(too_large)?;
+        let kkt = Kkt::new(&pattern).ok_or_else(too_large)?;
         Ok(Self { pattern, kkt })
     }
 }
@@ -356,7 +356,7 @@ impl<'a> Elastic<'a> {
             // No second derivatives, but a number for each coordinate.
             ElasticSolver::AugmentedLagrangian(_) => Neighbours { size: binding.size(), reach: [0; 3] },
         };
-        let matrix = Matrix::new(neighbours, &is_free, binding)?;
+        let matrix = Matrix::new(neighbours, &is_free)?;
         let mut elastic = Self {
             mesh,
             springs,
@@ -411,10 +411,14 @@ impl<'a> Elastic<'a> {
         translated(&self.places, self.origin)
     }
 
-    /// Whether volumes come from a form of the nodes.
+    /// Where volumes come from: "form" (of the nodes), "mesh", or "coarse" (a coarse mesh that is tilted to the fine one).
     #[must_use]
-    pub fn has_form(&self) -> bool {
-        self.form.is_some()
+    pub fn evaluation(&self) -> &'static str {
+        match (&self.form, &self.coarse) {
+            (Some(_), _) => "form",
+            (None, Some(_)) => "coarse",
+            (None, None) => "mesh",
+        }
     }
 
     /// Puts nodes where they are wanted: handles that a user drags, or any other. What is held stays there; what is free starts from there.
@@ -521,7 +525,7 @@ impl<'a> Elastic<'a> {
                 Some((pose, Some(ended))) => (pose, ended),
                 Some((pose, None)) => {
                     // The coarse mesh has led as far as it can: the fine one must do the rest.
-                    let mut matrix = Matrix::new(self.mesh.neighbours(), &self.is_free, &self.mesh.binding)?;
+                    let mut matrix = Matrix::new(self.mesh.neighbours(), &self.is_free)?;
                     let search = Search {
                         conditions: Conditions { measure: &self.mesh, ..search.conditions },
                         pattern: &matrix.pattern,

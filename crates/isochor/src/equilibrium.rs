@@ -6,7 +6,8 @@
 //!
 //! Each step d is the least of `½ dᵀ H d + ∇Eᵀ d` along the tangents of the surface, `H = ∇²E − Σ λ ∇²V`, with the multipliers λ that leave least of
 //! `∇E − Σ λ ∇V` ([`crate::kkt`]). What it leads to is brought back to the surface by the smallest steps, so that every pose has the wanted
-//! volumes, and the energy falls from one to the next. With H as it is, convergence is quadratic; without `∇²V`, which is most of it, linear
+//! volumes, and the energy falls from one to the next. Where H is not positive definite on the tangents, a pose may be on a ridge, where forces balance
+//! too; then a direction of negative curvature leads down. With H as it is, convergence is quadratic; without `∇²V`, which is most of it, linear
 //! (λ is 45 to 125 for HML's torus).
 //!
 //! # Changes versus the paper
@@ -16,7 +17,7 @@
 use glam::DVec3;
 
 use crate::block_matrix::BlockPattern;
-use crate::kkt::Kkt;
+use crate::kkt::{Curved, Kkt, KktStep};
 use crate::measure::{Measure, Survey};
 use crate::rows::{Missed, Rows, dot};
 use crate::springs::Springs;
@@ -195,8 +196,8 @@ impl Search<'_> {
         Some(pose)
     }
 
-    /// The next pose, lower or nearer to balance; `None` where there is none.
-    fn next(&self, at: &Pose, kkt: &mut Kkt) -> Option<Pose> {
+    /// The step from a pose; `None` where numbers are not finite.
+    fn step(&self, at: &Pose, kkt: &mut Kkt) -> Option<KktStep> {
         let mut values = vec![0.0; self.pattern.values()];
         for (spring, block) in self.springs.hessian(&at.places) {
             let [s, e] = spring.ends.map(|end| end as usize);
@@ -208,14 +209,31 @@ impl Search<'_> {
         if factors.iter().any(|factor| *factor != 0.0) {
             self.conditions.measure.add_second(&at.places, &factors, self.pattern, &mut values);
         }
-        let step = kkt.step(self.pattern, &values, at.rows.basis(), &at.forces)?;
+        kkt.step(self.pattern, &values, at.rows.basis(), &at.forces)
+    }
+
+    /// The next pose, lower or nearer to balance; `None` where there is none.
+    fn next(&self, at: &Pose, step: &KktStep) -> Option<Pose> {
         let promise = dot(&at.forces, &step.direction);
-        let mut fraction = 1.0;
+        let newton = || self.along(at, &step.direction, promise, 0.0);
+        let Some(Curved { direction, curvature }) = &step.curved else { return newton() };
+        // As far as springs are long: what is found there is cut back where it is too far.
+        let length = self.springs.mean_length();
+        let direction: Vec<f64> = direction.iter().map(|x| length * x).collect();
+        let [slope, bend] = [dot(&at.forces, &direction), curvature * length * length];
+        let curved = || self.along(at, &direction, slope, bend);
+        if slope + bend / 2.0 < promise / 2.0 { curved().or_else(newton) } else { newton().or_else(curved) }
+    }
+
+    /// The first pose along a direction that is low enough for its slope and curvature, or nearer to balance at the same energy.
+    fn along(&self, at: &Pose, direction: &[f64], slope: f64, bend: f64) -> Option<Pose> {
         let held = vec![0.0; at.open.len()];
+        let mut fraction = 1.0;
         for _ in 0..HALVINGS {
-            let trial = self.pose(self.pattern.moved(&at.places, fraction, &step.direction));
+            let trial = self.pose(self.pattern.moved(&at.places, fraction, direction));
             if let Some(next) = self.brought(trial, &held) {
-                let is_lower = next.energy <= at.energy + KEPT * fraction * promise;
+                let promise = fraction * slope + fraction * fraction * bend / 2.0;
+                let is_lower = next.energy <= at.energy + KEPT * promise;
                 let is_level = next.energy <= at.energy + ROUNDING * at.energy && next.residual < at.residual;
                 if is_lower || is_level {
                     return Some(next);
@@ -235,24 +253,31 @@ impl Search<'_> {
         steps: usize,
         on_step: &mut dyn FnMut(&Pose) -> bool,
     ) -> (Pose, Ended) {
+        // Balance on a ridge is none: whether the last step came from where the energy is convex.
+        let mut is_convex = false;
         for _ in 0..steps {
-            if pose.residual <= enough {
+            if pose.residual <= enough && is_convex {
                 return (pose, Ended::Balanced);
             }
-            let Some(next) = self.next(&pose, kkt) else {
-                let ended = if pose.residual <= tolerances::BALANCE_ENOUGH { Ended::Balanced } else { Ended::Stuck };
-                return (pose, ended);
+            let Some(step) = self.step(&pose, kkt) else { return (pose, Ended::Stuck) };
+            is_convex = step.is_convex || step.curved.is_none();
+            if pose.residual <= enough && is_convex {
+                return (pose, Ended::Balanced);
+            }
+            let Some(next) = self.next(&pose, &step) else {
+                let is_balanced = pose.residual <= tolerances::BALANCE_ENOUGH && is_convex;
+                return (pose, if is_balanced { Ended::Balanced } else { Ended::Stuck });
             };
             let is_rounding = next.residual > 0.5 * pose.residual && pose.residual <= tolerances::BALANCE_ENOUGH;
             pose = next;
             if !on_step(&pose) {
                 return (pose, Ended::Stopped);
             }
-            if is_rounding {
+            if is_rounding && is_convex {
                 return (pose, Ended::Balanced);
             }
         }
-        let ended = if pose.residual <= enough { Ended::Balanced } else { Ended::Limit };
+        let ended = if pose.residual <= enough && is_convex { Ended::Balanced } else { Ended::Limit };
         (pose, ended)
     }
 }

@@ -10,6 +10,7 @@ use std::str::FromStr;
 use glam::DVec3;
 
 use crate::edit::{Axis, Edit};
+use crate::elastic_request::ElasticRequest;
 use crate::lattice::Outside;
 use crate::select::Selector;
 use crate::surface_request::SurfaceRequest;
@@ -43,6 +44,8 @@ pub struct Job {
     pub edit: Vec<Edit>,
     /// What must hold in the end.
     pub preserve: Preserve,
+    /// How nodes settle, with the method "elastic".
+    pub elastic: Option<ElasticRequest>,
     /// How pictures look.
     pub view: ViewRequest,
 }
@@ -304,6 +307,8 @@ pub enum MethodKind {
     Axes,
     /// A common factor of all heights over a surface.
     Height,
+    /// Nodes that are not held settle as springs between them want (HML).
+    Elastic,
 }
 
 /// What a correction keeps small.

@@ -92,6 +92,8 @@ mod double;
 mod drag;
 mod edit;
 mod elastic;
+mod elastic_job;
+mod elastic_request;
 mod energy;
 mod equilibrium;
 #[cfg(feature = "serde")]
@@ -177,6 +179,7 @@ pub use elastic::{
     Elastic, ElasticError, ElasticModel, ElasticOptions, ElasticSolver, ElasticState, ElasticStatus, ElasticStep, ElasticWanted, Evaluation,
     MomentTargets, Settled, relaxed,
 };
+pub use elastic_request::{CenterOfMass, Continuity, ElasticRequest, ElasticSolverKind, Hold, Inertia, LevelCount};
 pub use energy::Energy;
 #[cfg(feature = "serde")]
 pub use film::Film;
@@ -208,7 +211,7 @@ pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use preview::Preview;
 pub use refinement::Refinement;
 pub use report::{
-    CorrectionReport, FilmReport, FrameReport, PartRow, Report, Stopwatch, SurfaceReport, Timings, VolumeReport,
+    CorrectionReport, ElasticReport, FilmReport, FrameReport, PartRow, Report, Stopwatch, SurfaceReport, Timings, VolumeReport,
     VolumeRow,
 };
 pub use select::{ControlSpace, SelectError, Selector};

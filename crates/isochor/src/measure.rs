@@ -151,7 +151,7 @@ impl Measure for MeshMeasure<'_> {
             });
             return;
         }
-        let mut combination = Combination::default();
+        let mut combination = Combination::ZERO;
         for (moment, factor) in self.numbers.moments.iter().zip(&factors[self.numbers.goals.len()..]) {
             combination.first += *factor * moment.first;
             combination.second += *factor * moment.second;
@@ -266,4 +266,70 @@ impl Measure for Tilted<'_> {
 /// Σ a · b
 fn product(a: &[DVec3], b: &[DVec3]) -> f64 {
     a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum()
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::BVec3;
+
+    use super::*;
+    use crate::bspline::Basis;
+    use crate::goals::{Components, VolumeGoal};
+    use crate::lattice::{Frame, Lattice, Outside};
+    use crate::mesh::Mesh;
+    use crate::moments::combinations;
+    use crate::shapes;
+    use crate::topology::topology;
+    use crate::volume::OpenBoundaries;
+
+    /// Gradients against differences of values, second derivatives against those of gradients: of a body with caps, kept vertices and several
+    /// components.
+    #[test]
+    fn derivatives_are_those_of_the_numbers() {
+        let chain = shapes::chain(2, 9, 5);
+        let faces = chain.faces().iter().skip(7).collect();
+        let mesh = Mesh::new(chain.points().to_vec(), faces).unwrap();
+        let solid = Solid::new(&mesh, &topology(&mesh), OpenBoundaries::Cap).unwrap();
+        assert!(solid.cap_count() > 0 && solid.component_count() == 2);
+        let bounds = mesh.bounds().unwrap();
+        let frame = Frame::fitted(bounds, -0.05).unwrap();
+        let lattice = Lattice::new([5, 4, 3].map(|n| Basis::clamped(n, 2).unwrap()), frame).unwrap();
+        let binding = lattice.bind(mesh.points(), Outside::Keep).unwrap();
+        assert!(binding.kept_count() > 0);
+        let rest = lattice.rest();
+        let goal = |component| VolumeGoal { components: Components::These(vec![component]), volume: 1.0 };
+        for moments in [Vec::new(), combinations(true)] {
+            let goals = Goals::new(&[goal(0), goal(1)], 2).unwrap().of(&solid);
+            let numbers = Numbers { goals, moments, about: DVec3::new(0.3, -0.2, 0.1) };
+            let (solid, binding) = (Cow::Borrowed(&solid), Cow::Borrowed(&binding));
+            let mesh = MeshMeasure::new(solid, binding, Cow::Borrowed(mesh.points()), Cow::Borrowed(&rest), numbers);
+            let places: Vec<DVec3> = rest.iter().map(|c| *c + 0.3 * DVec3::new(c.y * c.y, c.z * c.x, -c.x * c.y)).collect();
+            let along: Vec<DVec3> = rest.iter().map(|c| DVec3::new(c.z.sin(), (3.0 * c.x).cos(), c.y - 0.5 * c.x)).collect();
+            let off = |h: f64| -> Vec<DVec3> { places.iter().zip(&along).map(|(c, d)| *c + h * *d).collect() };
+            let h = 1e-5;
+            let (at, high, low) = (mesh.survey(&places), mesh.survey(&off(h)), mesh.survey(&off(-h)));
+            let factors: Vec<f64> = (0..at.values.len()).map(|k| 1.0 + 0.5 * (k as f64).cos()).collect();
+            for k in 0..at.values.len() {
+                let rate = (high.values[k] - low.values[k]) / (2.0 * h);
+                let expected = product(&at.gradients[k], &along);
+                assert!((rate - expected).abs() < 1e-7 * (1.0 + expected.abs()), "{k}: {rate} {expected}");
+            }
+            let pattern = BlockPattern::new(mesh.neighbours(), &vec![BVec3::TRUE; rest.len()]).unwrap();
+            let mut values = vec![0.0; pattern.values()];
+            mesh.add_second(&places, &factors, &pattern, &mut values);
+            let v = pattern.pulled(&along);
+            let mut found = vec![0.0; v.len()];
+            for entry in pattern.matrix(&values).triplet_iter() {
+                found[entry.row] += *entry.val * v[entry.col];
+                if entry.row != entry.col {
+                    found[entry.col] += *entry.val * v[entry.row];
+                }
+            }
+            for (node, found) in found.chunks(3).enumerate() {
+                let rate = |k: usize| factors[k] * (high.gradients[k][node] - low.gradients[k][node]) / (2.0 * h);
+                let expected: DVec3 = (0..factors.len()).map(rate).sum();
+                assert!((DVec3::from_slice(found) - expected).length() < 1e-7, "{} {node}: {found:?} {expected}", factors.len());
+            }
+        }
+    }
 }

@@ -18,7 +18,7 @@ use crate::binding::Binding;
 use crate::volume::Solid;
 
 /// A linear function of volume and moments.
-#[derive(Clone, Copy, Debug, Default)]
+#[derive(Clone, Copy, Debug)]
 pub(crate) struct Combination {
     /// λ.
     pub(crate) volume: f64,
@@ -76,6 +76,9 @@ impl Moments {
 }
 
 impl Combination {
+    /// 0.
+    pub(crate) const ZERO: Self = Self { volume: 0.0, first: DVec3::ZERO, second: DMat3::ZERO };
+
     /// `q`, `∂q/∂p_i`.
     fn factor(&self, p: &[DVec3; 3]) -> (f64, [DVec3; 3]) {
         let s: DVec3 = p.iter().sum();
@@ -123,10 +126,10 @@ impl Combination {
 
 /// What is measured, in the order of its numbers: ∫ x, then the six entries of ∫ x xᵀ on and above the diagonal, row by row.
 pub(crate) fn combinations(with_second: bool) -> Vec<Combination> {
-    let first = |a: usize| Combination { first: DVec3::AXES[a], ..Combination::default() };
+    let first = |a: usize| Combination { first: DVec3::AXES[a], ..Combination::ZERO };
     let second = |[a, b]: [usize; 2]| {
         let product = outer(DVec3::AXES[a], DVec3::AXES[b]);
-        Combination { second: (product + product.transpose()) * 0.5, ..Combination::default() }
+        Combination { second: (product + product.transpose()) * 0.5, ..Combination::ZERO }
     };
     let mut all: Vec<Combination> = (0..3).map(first).collect();
     if with_second {

@@ -50,7 +50,9 @@ impl NodeBox {
     /// For each line of nodes along the last axis: its place in an array over `outer`, which holds this box, and where it begins in the values of
     /// this box.
     pub(crate) fn lines_in(self, outer: Self) -> impl Iterator<Item = (usize, usize)> {
-        let [i0, j0, k0] = [0, 1, 2].map(|a| self.first[a] - outer.first[a]);
+        // An empty box is nowhere, and has no lines.
+        let offset = |a: usize| if self.is_empty() { 0 } else { self.first[a] - outer.first[a] };
+        let [i0, j0, k0] = [0, 1, 2].map(offset);
         let line = move |(i, j)| (((i0 + i) * outer.size[1] + j0 + j) * outer.size[2] + k0, (i * self.size[1] + j) * self.size[2]);
         (0..self.size[0]).flat_map(move |i| (0..self.size[1]).map(move |j| (i, j))).map(line)
     }

@@ -13,6 +13,8 @@ use crate::body::{Body, Wish};
 use crate::bspline::{Basis, BasisError};
 use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, Wanted, correct_last};
 use crate::edit::{Edit, EditError};
+use crate::elastic::{ElasticError, ElasticWanted};
+use crate::elastic_job::ElasticTask;
 use crate::energy::Energy;
 use crate::goals::{Components, VolumeGoal};
 use crate::health::{Health, Source};
@@ -237,6 +239,20 @@ pub enum JobError {
         /// How far it may be.
         limit: f64,
     },
+    /// Nodes to hold that pick none.
+    #[error("elastic.hold: {0}")]
+    Hold(SelectError),
+    /// Nodes cannot settle.
+    #[error(transparent)]
+    Elastic(ElasticError),
+    /// Nodes have not settled.
+    #[error("the nodes have not settled: after {steps} steps forces are off balance by {residual:.1e}, more than {:e}", tolerances::BALANCE_ENOUGH)]
+    NotSettled {
+        /// The largest force that nothing balances, in forces that stretch a spring by its own length.
+        residual: f64,
+        /// Steps.
+        steps: usize,
+    },
     /// Values that contradict one another or are out of range.
     #[error("{key} {problem}")]
     Value {
@@ -274,6 +290,15 @@ pub enum JobError {
         /// The first inward component, which is inside nothing.
         inward: Option<usize>,
     },
+}
+
+impl From<ElasticError> for JobError {
+    fn from(error: ElasticError) -> Self {
+        match error {
+            ElasticError::Correct(error) => Self::Correct(error),
+            other => Self::Elastic(other),
+        }
+    }
 }
 
 impl JobError {
@@ -322,6 +347,8 @@ impl JobError {
                     | Self::Solid(_)
                     | Self::NoVolume { .. }
                     | Self::NotConverged { .. }
+                    | Self::NotSettled { .. }
+                    | Self::Elastic(ElasticError::Held | ElasticError::NoPose | ElasticError::TooLarge { .. })
                     | Self::Dragged { .. }
                     | Self::Local(_)
                     | Self::Heights(_)
@@ -343,6 +370,11 @@ impl JobError {
             Self::Edit { source, .. } if source.is_unreachable() => "impossible",
             Self::Edit { .. } => "edit",
             Self::Pin(_) => "pin",
+            Self::Hold(_) => "hold",
+            Self::Elastic(ElasticError::TooLarge { .. }) => "memory",
+            Self::Elastic(ElasticError::Held | ElasticError::NoPose) => "impossible",
+            Self::Elastic(_) => "elastic",
+            Self::NotSettled { .. } => "not-converged",
             Self::Solid(SolidError::Open { .. }) => "open",
             Self::Solid(SolidError::Winding { .. }) => "winding",
             Self::Solid(_) | Self::NoVolume { .. } => "no-volume",
@@ -371,6 +403,10 @@ impl JobError {
             Self::Heights(_) => "preserve.method".into(),
             Self::Edit { index, .. } | Self::Dragged { index, .. } => format!("edit[{index}]"),
             Self::Pin(_) => "preserve.pin".into(),
+            Self::Hold(_) | Self::Elastic(ElasticError::Held) => "elastic.hold".into(),
+            Self::Elastic(ElasticError::Moments) => "elastic.center_of_mass".into(),
+            Self::Elastic(ElasticError::TooLarge { .. }) => "lattice.size".into(),
+            Self::Elastic(_) | Self::NotSettled { .. } => "elastic".into(),
             Self::Solid(SolidError::Open { .. }) => "preserve.open".into(),
             Self::Solid(_) | Self::NoVolume { .. } => "model".into(),
             Self::Correct(CorrectError::Impossible {
@@ -409,7 +445,11 @@ impl JobError {
                 "choose other targets or more nodes, or a lattice that holds the vertex"
             }
             Self::Edit { .. } => "correct the edit; its formulas and keys are on the docs page of edits",
-            Self::Pin(_) => "choose control points that exist",
+            Self::Pin(_) | Self::Hold(_) => "choose control points that exist",
+            Self::Elastic(ElasticError::Held) => "hold fewer nodes: hold = \"edited\" holds those that an edit moved",
+            Self::Elastic(ElasticError::TooLarge { .. }) => "choose fewer control points",
+            Self::Elastic(_) => "hold fewer nodes, or ask for less at once",
+            Self::NotSettled { .. } => "deform in smaller steps, or hold more nodes",
             Self::Solid(SolidError::Open { .. }) => "close the model, or allow virtual caps with open = \"cap\"",
             Self::Solid(SolidError::Winding { .. }) => {
                 "orient the faces consistently in a modelling program, or deform with volume = \"free\""
@@ -495,7 +535,9 @@ impl Job {
             peak_memory: None,
             warnings,
             surface: None,
+            elastic: None,
         };
+        let elastic_request = self.elastic_request()?;
         if self.changes_nothing() {
             let body = body.ok();
             let volume = body.as_ref().map(|body| body.rows(&body.rest, &body.rest, &[]));
@@ -543,8 +585,14 @@ impl Job {
             vertices: Some(BoundVertices { rest: &rest_points, binding: &binding }),
         };
         let mut posed = controls.posed.clone();
+        let mut is_edited: Vec<bool> = posed.iter().zip(&controls.rest).map(|(posed, rest)| posed != rest).collect();
         for (index, edit) in self.edit.iter().enumerate() {
+            let before = posed.clone();
             edit.apply(&mut posed, &space).map_err(|source| JobError::Edit { index, source })?;
+            // A dragged vertex is held as a point.
+            if !matches!(edit, Edit::Drag(_)) {
+                is_edited.iter_mut().zip(before.iter().zip(&posed)).for_each(|(edited, (a, b))| *edited |= a != b);
+            }
         }
         let edited: Vec<DVec3> = posed.iter().zip(&controls.rest).map(|(p, r)| *p - *r).collect();
         let mut displacement = edited.clone();
@@ -553,7 +601,52 @@ impl Job {
 
         on_stage(Stage::Correct);
         let (volume, correction, kept);
-        if self.preserve.volume == VolumeTarget::Free {
+        let mut elastic = None;
+        if let Some(request) = &elastic_request {
+            let body = body?;
+            if let (OpenBoundaries::Refuse, Some(opening)) = (self.preserve.open, opening) {
+                return Err(opening.into());
+            }
+            let posed_volumes = body.solid.volumes(&points);
+            let wishes = match self.preserve.volume {
+                VolumeTarget::Free => Vec::new(),
+                _ => self.checked_wishes(&body, [mesh.points(), &points], &posed_volumes, &mut warnings)?,
+            };
+            let wanted_points = self.wanted_points();
+            let goals: Vec<VolumeGoal> = wishes.iter().map(|wish| wish.goal.clone()).collect();
+            let task = ElasticTask {
+                request,
+                lattice: &controls.lattice,
+                solid: &body.solid,
+                binding: &binding,
+                points: &rest_points,
+                rest: &controls.rest,
+                posed: &posed,
+                is_edited: &is_edited,
+                mobility: controls.mobility.as_deref(),
+                along: self.preserve.axes.as_ref().map_or(DVec3::ONE, |axes| axes.vectors().iter().sum()),
+                pin: self.preserve.pin.as_ref(),
+                space: &space,
+            };
+            let wanted = ElasticWanted {
+                volumes: goals.clone(),
+                points: self.points(&wanted_points, &binding, &rest_points, origin)?,
+                moments: None,
+            };
+            let (settled, settled_report) = task.settled(wanted, origin).map_err(|error| match error {
+                JobError::Correct(error) => JobError::of_correction(error, &wishes, &wanted_points, false),
+                other => other,
+            })?;
+            let moved = &settled.correction.vertices;
+            correction = CorrectionReport::of_springs(&settled.correction, settled_report.steps, &points, moved, extent);
+            posed = settled.places;
+            displacement = posed.iter().zip(&controls.rest).map(|(p, r)| *p - *r).collect();
+            points = settled.correction.vertices;
+            let end = Volumes { total: settled.correction.volume, components: settled.correction.component_volumes };
+            volume = Some(if goals.is_empty() { body.free_rows(&points) } else { body.rows(&posed_volumes, &end, &goals) });
+            elastic = Some(settled_report);
+            kept = Some(body);
+        } else if self.preserve.volume == VolumeTarget::Free {
             kept = body.ok();
             volume = kept.as_ref().map(|body| body.free_rows(&points));
             correction = CorrectionReport::not_asked();
@@ -562,19 +655,11 @@ impl Job {
             if let (OpenBoundaries::Refuse, Some(opening)) = (self.preserve.open, opening) {
                 return Err(opening.into());
             }
-            let is_whole = !matches!(self.preserve.volume, VolumeTarget::Each(_) | VolumeTarget::Parts(_));
-            if is_whole && body.solid.encloses_nothing(mesh.points(), body.rest.total) {
-                return Err(JobError::NoVolume { volume: body.rest.total });
-            }
             let (method, coordinates) = self.method()?;
             let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
             mobility.iter_mut().for_each(|m| *m *= coordinates);
             let posed_volumes = body.solid.volumes(&points);
-            if !posed_volumes.total.is_finite() && points.iter().all(|p| p.is_finite()) {
-                let (target, volume, reason) = (body.rest.total, posed_volumes.total, Reason::Overflow);
-                return Err(CorrectError::Impossible { goal: Some(0), target, volume, reason }.into());
-            }
-            let wishes = body.wishes(&self.preserve.volume, &posed_volumes, &mut warnings)?;
+            let wishes = self.checked_wishes(&body, [mesh.points(), &points], &posed_volumes, &mut warnings)?;
             let is_local = self.preserve.mobility == MobilityKind::Auto;
             if is_local {
                 let (posed, wanted) = body.relative_sizes(&wishes, &posed_volumes);
@@ -635,7 +720,7 @@ impl Job {
         Ok(Outcome {
             points: if origin == DVec3::ZERO { points } else { translated(&points, origin) },
             controls: Some(saved),
-            report: report(volume, correction, warnings, watch),
+            report: Report { elastic, ..report(volume, correction, warnings, watch) },
             body: kept,
             deformation: Some(Deformation {
                 lattice: controls.lattice,
@@ -739,12 +824,32 @@ impl Job {
             volume,
             correction,
             surface: Some(along.report.clone()),
+            elastic: None,
             folds: "off".into(),
             timings_ms: watch.timings(),
             peak_memory: None,
             warnings,
         };
         Ok(Outcome { points, controls: None, report, body: kept, deformation: None, along: Some(along) })
+    }
+
+    /// The wanted volumes of a body that stood at `rest` and now, at `points`, has the volumes `posed`.
+    fn checked_wishes(
+        &self,
+        body: &Body,
+        [rest, points]: [&[DVec3]; 2],
+        posed: &Volumes,
+        warnings: &mut Vec<String>,
+    ) -> Result<Vec<Wish>, JobError> {
+        let is_whole = !matches!(self.preserve.volume, VolumeTarget::Each(_) | VolumeTarget::Parts(_));
+        if is_whole && body.solid.encloses_nothing(rest, body.rest.total) {
+            return Err(JobError::NoVolume { volume: body.rest.total });
+        }
+        if !posed.total.is_finite() && points.iter().all(|p| p.is_finite()) {
+            let (target, volume, reason) = (body.rest.total, posed.total, Reason::Overflow);
+            return Err(CorrectError::Impossible { goal: Some(0), target, volume, reason }.into());
+        }
+        body.wishes(&self.preserve.volume, posed, warnings)
     }
 
     /// Whether a model along a surface gets its volume by its heights: unless a lattice is asked for in one way or another.
@@ -809,6 +914,7 @@ impl Job {
             }
             MethodKind::Nearest => Method::Nearest,
             MethodKind::Gradient => Method::Gradient,
+            MethodKind::Elastic => unreachable!("the method \"elastic\" goes its own way"),
             MethodKind::Height => {
                 let problem =
                     "is \"height\", which is for models along a surface: add [surface], or choose another".into();

@@ -2,6 +2,7 @@
 
 use glam::DVec3;
 
+use crate::augmented::LevelReport;
 use crate::correct::{Correction, Method, Status};
 use crate::health::Health;
 use crate::stretch::FlattenReport;
@@ -22,6 +23,9 @@ pub struct Report {
     /// What became of the surface that the model was laid along; absent in other jobs.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub surface: Option<SurfaceReport>,
+    /// How the nodes settled, with the method "elastic"; absent with others.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub elastic: Option<ElasticReport>,
     /// Whether foldings were looked for: "off".
     pub folds: String,
     /// How long each stage took, in the order in which they ran.
@@ -55,6 +59,47 @@ pub struct SurfaceReport {
     pub flattening: FlattenReport,
 }
 
+/// How the nodes of an elastic lattice settled.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct ElasticReport {
+    /// Which nodes springs connect: "26", "14", "14-kuhn".
+    pub net: String,
+    /// "newton" or "augmented-lagrangian".
+    pub solver: String,
+    /// "settled", or "approximate" for the solver "augmented-lagrangian", whose volume is corrected exactly at last.
+    pub status: String,
+    /// Where volumes came from: "form", "mesh", or "coarse" (a coarse mesh that was tilted to the fine one).
+    pub evaluation: String,
+    /// Springs.
+    pub springs: usize,
+    /// Nodes of which no coordinate may move.
+    pub held: usize,
+    /// Nodes that settled.
+    pub free: usize,
+    /// Steps of the solver.
+    pub steps: usize,
+    /// Evaluations of the whole mesh.
+    pub evaluations: usize,
+    /// Energy of the springs where the edits put the nodes.
+    pub energy_posed: f64,
+    /// The same in the end.
+    pub energy: f64,
+    /// Of each wanted volume the pressure that keeps it: dE/dV.
+    pub pressures: Vec<f64>,
+    /// The largest force that nothing balances, in forces that stretch a spring by its own length.
+    pub residual: f64,
+    /// The centre of mass at rest, posed and in the end, model coordinates, where it was asked for.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub center_of_mass: Option<[[f64; 3]; 3]>,
+    /// How far the inertia tensor is from what was wanted, relative to its largest entry, where it was asked for.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub inertia_error: Option<f64>,
+    /// What happened on each level of the solver "augmented-lagrangian", the coarsest first.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub levels: Vec<LevelReport>,
+}
+
 /// The report of a film: of one job for each of its frames.
 #[derive(Clone, Debug, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
@@ -81,6 +126,9 @@ pub struct FrameReport {
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub surface: Option<SurfaceReport>,
     /// As in [`Report`].
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub elastic: Option<ElasticReport>,
+    /// As in [`Report`].
     pub timings_ms: Timings,
     /// As in [`Report`].
     pub warnings: Vec<String>,
@@ -90,8 +138,8 @@ impl FrameReport {
     /// The report of the job at `time`.
     #[must_use]
     pub fn of(time: f64, report: Report) -> Self {
-        let Report { volume, correction, surface, timings_ms, warnings, .. } = report;
-        Self { time, volume, correction, surface, timings_ms, warnings }
+        let Report { volume, correction, surface, elastic, timings_ms, warnings, .. } = report;
+        Self { time, volume, correction, surface, elastic, timings_ms, warnings }
     }
 }
 
@@ -151,9 +199,9 @@ impl VolumeRow {
 #[derive(Clone, Debug, Default, PartialEq)]
 #[cfg_attr(feature = "serde", derive(serde::Serialize))]
 pub struct CorrectionReport {
-    /// "nearest", "gradient", "axes", "height", or "none" where the volume was free.
+    /// "nearest", "gradient", "axes", "height", "elastic", or "none" where the volume was free.
     pub method: String,
-    /// What was kept small: "controls", "surface", "edges", "bending", or "none" where the volume was free.
+    /// What was kept small: "controls", "surface", "edges", "bending", "springs", or "none" where the volume was free.
     pub objective: String,
     /// How it ended: "exact", "already-met", "preview" (approximate), or "not-asked".
     pub status: String,
@@ -187,6 +235,19 @@ impl CorrectionReport {
             objective: "none".into(),
             status: if is_met { "already-met" } else { "exact" }.into(),
             iterations: usize::from(!is_met),
+            ..Self::default()
+        }
+        .moved(before, after, extent)
+    }
+
+    /// Of nodes that settled in `steps` from the posed vertices `before` to `after` (each #vertices × 3).
+    pub(crate) fn of_springs(correction: &Correction, steps: usize, before: &[DVec3], after: &[DVec3], extent: f64) -> Self {
+        Self {
+            method: "elastic".into(),
+            objective: "springs".into(),
+            status: if before == after { "already-met" } else { "exact" }.into(),
+            iterations: steps + correction.steps,
+            point_error: correction.point_error,
             ..Self::default()
         }
         .moved(before, after, extent)

@@ -35,6 +35,18 @@ pub enum Net {
     FourteenKuhn,
 }
 
+impl Net {
+    /// Its word in a job.
+    #[must_use]
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::TwentySix => "26",
+            Self::Fourteen => "14",
+            Self::FourteenKuhn => "14-kuhn",
+        }
+    }
+}
+
 /// Half of the steps to neighbours: the other half are their opposites.
 const STEPS: [[isize; 3]; 13] = [
     [1, 0, 0],
@@ -151,12 +163,25 @@ impl Springs {
     ///
     /// A stiffness that is negative or not finite; none that is more than 0.
     pub fn of(lattice: &Lattice, net: Net, stiffness: Stiffness) -> Result<Self, SpringsError> {
+        Self::between(lattice.size(), &lattice.rest(), net, stiffness)
+    }
+
+    /// The same between nodes that are at rest elsewhere: `size` of them along u, v, w, at `rest` (#nodes × 3).
+    ///
+    /// # Errors
+    ///
+    /// As [`Springs::of`].
+    ///
+    /// # Panics
+    ///
+    /// Panics where the number of places is not that of the nodes.
+    pub fn between(size: [usize; 3], rest: &[DVec3], net: Net, stiffness: Stiffness) -> Result<Self, SpringsError> {
+        assert_eq!(rest.len(), size.iter().product::<usize>(), "a place for each node");
         for k in [stiffness.edge, stiffness.face, stiffness.cell] {
             if !(k >= 0.0 && k.is_finite()) {
                 return Err(SpringsError::Stiffness(k));
             }
         }
-        let (size, rest) = (lattice.size(), lattice.rest());
         let index = |[i, j, k]: [usize; 3]| (i * size[1] + j) * size[2] + k;
         let mut springs = Vec::new();
         for step in STEPS.into_iter().filter(|step| net.connects(*step)) {
@@ -174,6 +199,12 @@ impl Springs {
             }
         }
         if springs.is_empty() { Err(SpringsError::Slack) } else { Ok(Self { springs, nodes: rest.len() }) }
+    }
+
+    /// Mean length at rest.
+    #[must_use]
+    pub fn mean_length(&self) -> f64 {
+        self.springs.iter().map(|spring| spring.length).sum::<f64>() / self.springs.len() as f64
     }
 
     /// Number of nodes.
