@@ -95,6 +95,7 @@ mod extrusion;
 #[cfg(feature = "serde")]
 mod film;
 mod flatten;
+mod gauss;
 mod geodesic;
 mod goals;
 mod gradient;
