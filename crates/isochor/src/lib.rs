@@ -107,6 +107,7 @@ mod job;
 #[cfg(feature = "serde")]
 mod job_text;
 mod lattice;
+mod levels;
 mod locality;
 mod locate;
 mod mesh;
@@ -115,6 +116,7 @@ mod nearest;
 mod order;
 mod outcome;
 mod parallel;
+mod parametric_solid;
 mod patch;
 mod pieces;
 mod placement;
@@ -182,10 +184,12 @@ pub use job::{
 #[cfg(feature = "serde")]
 pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
+pub use levels::{Level, LevelOptions, Levels, TriangleError};
 pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use locate::LocateError;
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice, Stage};
+pub use parametric_solid::{GaussVolume, LEAST_TRIANGLES, ParametricSolid, ParametricSolidError};
 pub use patch::Patch;
 pub use placement::{Beyond, Height, HeightWord, Placed, Placement, PlacementError, SheetFit};
 pub use points::{PointError, PointTarget, least_displacement};
