@@ -17,7 +17,7 @@
 //! # Changes versus the paper
 //!
 //! - Simplified levels are made of the model's own vertices ([`Solid::coarse`]), so a binding of the model has rows for them.
-//! - Each is simplified from the next finer one, which took a fifth to an eighth of the time that it took from the model for scans of 86,000 to 270,000 triangles.
+//! - Each is simplified from the next finer one, which took a fifth to a seventh of the time that it took from the model for scans of 86,000 to 270,000 triangles.
 //!   Changes of volume under a lattice were as near. Volumes are within a tenth of the next finer level's, so the coarsest level can lack more than
 //!   that of the model's.
 //! - The coarsest level has 64 triangles, not 16: see `parametric_solid.rs`.
