@@ -8,6 +8,7 @@
 use glam::DVec3;
 
 use crate::curve::Curve;
+use crate::gauss::gauss_legendre;
 
 /// Nodes of a rule. More: fewer parts, but each value of σ takes as many evaluations of the curve; fewer: many more
 /// parts.
@@ -28,7 +29,7 @@ pub(crate) struct ArcLength {
     /// Unit vector; lengths across it count.
     direction: DVec3,
     /// Nodes in [0, 1] and weights that sum to 1.
-    rule: [[f64; 2]; NODES],
+    rule: Vec<[f64; 2]>,
     /// Ends of the parts: 0 first, 1 last.
     breaks: Vec<f64>,
     /// σ there.
@@ -38,7 +39,7 @@ pub(crate) struct ArcLength {
 impl ArcLength {
     /// Lengths of `curve`, projected along the unit vector `direction`.
     pub(crate) fn across(curve: &Curve, direction: DVec3) -> Self {
-        let mut table = Self { direction, rule: gauss_legendre(), breaks: vec![0.0], lengths: vec![0.0] };
+        let mut table = Self { direction, rule: gauss_legendre(NODES), breaks: vec![0.0], lengths: vec![0.0] };
         let pieces = curve.breaks();
         let rough: f64 = pieces.windows(2).map(|ends| table.integral(curve, [ends[0], ends[1]])).sum();
         let near = AGREE * rough.max(curve.extent());
@@ -94,45 +95,10 @@ impl ArcLength {
     }
 }
 
-/// Gauss's rule on [0, 1]: the zeros of the Legendre polynomial of degree [`NODES`], by Newton's method from Tricomi's
-/// estimate, and its weights `1 / ((1 − x²) P′(x)²)` (M. Abramowitz, I. Stegun, *Handbook of Mathematical Functions*,
-/// 1964, 25.4.29, for an interval of length 1).
-fn gauss_legendre() -> [[f64; 2]; NODES] {
-    let n = NODES as f64;
-    // P and P′ at x by the recurrence k P_k = (2 k − 1) x P_(k−1) − (k − 1) P_(k−2).
-    let legendre = |x: f64| {
-        let (mut before, mut p) = (1.0, x);
-        for k in 2..=NODES {
-            let k = k as f64;
-            (before, p) = (p, ((2.0 * k - 1.0) * x * p - (k - 1.0) * before) / k);
-        }
-        (p, n * (x * p - before) / (x * x - 1.0))
-    };
-    std::array::from_fn(|i| {
-        let mut x = -libm::cos(std::f64::consts::PI * (i as f64 + 0.75) / (n + 0.5));
-        // Quadratic from three digits on: five steps are two more than rounding needs.
-        for _ in 0..5 {
-            let (p, slope) = legendre(x);
-            x -= p / slope;
-        }
-        let slope = legendre(x).1;
-        [(1.0 + x) / 2.0, 1.0 / ((1.0 - x * x) * slope * slope)]
-    })
-}
-
 #[cfg(test)]
 mod tests {
     use super::*;
     use crate::bspline::Basis;
-
-    #[test]
-    fn the_rule_integrates_polynomials_of_twice_the_degree() {
-        let rule = gauss_legendre();
-        for k in 0..2 * NODES as i32 {
-            let sum: f64 = rule.iter().map(|[x, weight]| weight * x.powi(k)).sum();
-            assert!((sum * f64::from(k + 1) - 1.0).abs() < 1e-13, "{k}: {sum}");
-        }
-    }
 
     /// Rational and far from an even speed: u = 1/2 is not at half the angle of other weights.
     #[test]

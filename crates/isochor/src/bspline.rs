@@ -144,6 +144,13 @@ impl Basis {
         &self.knots
     }
 
+    /// The different knots of the domain, between which the functions are polynomials: 0 first, 1 last.
+    pub(crate) fn breaks(&self) -> Vec<f64> {
+        let mut breaks = self.knots[self.degree..=self.size()].to_vec();
+        breaks.dedup();
+        breaks
+    }
+
     /// Whether this is the Bernstein basis.
     #[must_use]
     pub fn is_bernstein(&self) -> bool {

@@ -186,9 +186,7 @@ impl Curve {
 
     /// Ends of its polynomial pieces: 0 first, 1 last.
     pub(crate) fn breaks(&self) -> Vec<f64> {
-        let mut breaks = self.basis.knots()[self.basis.degree()..=self.basis.size()].to_vec();
-        breaks.dedup();
-        breaks
+        self.basis.breaks()
     }
 
     /// Parameters at which a polynomial of twice its degree cannot vanish everywhere without being 0.

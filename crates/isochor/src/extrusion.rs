@@ -37,6 +37,11 @@ impl Extrusion {
         Ok(Self { profile, along, lengths, is_straight })
     }
 
+    /// C.
+    pub(crate) fn profile(&self) -> &Curve {
+        &self.profile
+    }
+
     pub(crate) fn jet(&self, s: f64, t: f64) -> Jet {
         let curve = self.profile.jet(s);
         let zero = DVec3::ZERO;

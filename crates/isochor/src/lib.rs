@@ -102,6 +102,7 @@ mod extrusion;
 #[cfg(feature = "serde")]
 mod film;
 mod flatten;
+mod gauss;
 mod geodesic;
 mod goals;
 mod gradient;
@@ -114,6 +115,7 @@ mod job;
 mod job_text;
 mod kkt;
 mod lattice;
+mod levels;
 mod locality;
 mod locate;
 mod measure;
@@ -125,6 +127,7 @@ mod node_rows;
 mod order;
 mod outcome;
 mod parallel;
+mod parametric_solid;
 mod patch;
 mod pieces;
 mod placement;
@@ -199,11 +202,13 @@ pub use job::{
 #[cfg(feature = "serde")]
 pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
+pub use levels::{Level, LevelOptions, Levels, TriangleError};
 pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use locate::LocateError;
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use moments::Moments;
 pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice, Stage};
+pub use parametric_solid::{GaussVolume, LEAST_TRIANGLES, ParametricSolid, ParametricSolidError};
 pub use patch::Patch;
 pub use placement::{Beyond, Height, HeightWord, Placed, Placement, PlacementError, SheetFit};
 pub use points::{PointError, PointTarget, least_displacement};

@@ -25,6 +25,7 @@
 use glam::DVec3;
 
 use crate::bspline::Basis;
+use crate::gauss::gauss_legendre;
 use crate::lattice::{Lattice, Outside};
 use crate::parallel;
 use crate::tolerances;
@@ -141,19 +142,18 @@ struct Span {
 impl Axis {
     fn new(basis: &Basis) -> Self {
         let degree = basis.degree();
-        let mut breaks = basis.knots()[degree..=basis.size()].to_vec();
-        breaks.dedup();
+        let breaks = basis.breaks();
         let points = gauss_legendre(2 * degree);
         let span = |ends: &[f64]| {
             let length = ends[1] - ends[0];
             let mut span = Span {
                 start: 0,
-                weights: points.iter().map(|(_, weight)| weight * length).collect(),
+                weights: points.iter().map(|[_, weight]| weight * length).collect(),
                 rows: Vec::new(),
                 slopes: Vec::new(),
                 integrals: vec![0.0; degree + 1],
             };
-            for ((x, _), weight) in points.iter().zip(&span.weights) {
+            for ([x, _], weight) in points.iter().zip(&span.weights) {
                 let (mut row, mut slope) = (vec![0.0; degree + 1], vec![0.0; degree + 1]);
                 span.start = basis.row(ends[0] + x * length, &mut row);
                 basis.row_derivative(ends[0] + x * length, &mut slope);
@@ -253,28 +253,4 @@ fn contracted(d: &[DVec3], b: &[f64]) -> Vec<DVec3> {
 
 fn sum(d: &[DVec3], b: &[f64]) -> DVec3 {
     d.iter().zip(b).map(|(d, b)| *b * *d).sum()
-}
-
-/// `n` points in (0, 1) with their weights: Gauss and Legendre's rule, exact for polynomials of degree 2n − 1.
-fn gauss_legendre(n: usize) -> Vec<(f64, f64)> {
-    // P_n(x) and its derivative, by the three-term recurrence.
-    let legendre = |x: f64| {
-        let (mut before, mut p) = (1.0, x);
-        for k in 2..=n {
-            let k = k as f64;
-            (before, p) = (p, ((2.0 * k - 1.0) * x * p - (k - 1.0) * before) / k);
-        }
-        (p, n as f64 * (x * p - before) / (x * x - 1.0))
-    };
-    let point = |i: usize| {
-        // Tricomi's estimate; Newton's method doubles its three digits in every step.
-        let mut x = -libm::cos(std::f64::consts::PI * (i as f64 + 0.75) / (n as f64 + 0.5));
-        for _ in 0..5 {
-            let (p, slope) = legendre(x);
-            x -= p / slope;
-        }
-        let slope = legendre(x).1;
-        ((1.0 + x) / 2.0, 1.0 / ((1.0 - x * x) * slope * slope))
-    };
-    (0..n).map(point).collect()
 }

@@ -350,12 +350,10 @@ pub(crate) fn jet<const N: usize>(partials: &Partials<N>) -> Jet {
 /// Parameters in every span of a basis, 2 (degree + 1) of them and both ends: more than polynomials of twice the degree
 /// have zeros.
 pub(crate) fn sites(basis: &Basis) -> Vec<f64> {
-    let mut breaks = basis.knots()[basis.degree()..=basis.size()].to_vec();
-    breaks.dedup();
     let count = 2 * (basis.degree() + 1);
     let in_span = |ends: &[f64]| {
         let [from, to] = [ends[0], ends[1]];
         (0..count).map(move |k| from + (to - from) * (k as f64 / count as f64)).collect::<Vec<_>>()
     };
-    breaks.windows(2).flat_map(in_span).chain([1.0]).collect()
+    basis.breaks().windows(2).flat_map(in_span).chain([1.0]).collect()
 }

@@ -28,8 +28,7 @@ pub(crate) struct Pieces {
 impl Pieces {
     pub(crate) fn of(basis: &Basis) -> Self {
         let degree = basis.degree();
-        let mut breaks = basis.knots()[degree..=basis.size()].to_vec();
-        breaks.dedup();
+        let breaks = basis.breaks();
         let mut pieces =
             Self { degree, breaks: Vec::new(), starts: Vec::new(), coefficients: Vec::new(), is_bernstein: false };
         pieces.push_tangent(basis, 0.0);

@@ -83,6 +83,11 @@ impl Revolution {
         })
     }
 
+    /// Ends of the profile's pieces along t.
+    pub(crate) fn breaks(&self) -> Vec<f64> {
+        self.profile.breaks()
+    }
+
     pub(crate) fn is_smooth(&self) -> bool {
         self.profile.is_smooth()
     }

@@ -9,7 +9,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 
-use crate::bspline::BasisError;
+use crate::bspline::{Basis, BasisError};
 use crate::cone::Cone;
 use crate::curve::Curve;
 use crate::extrusion::Extrusion;
@@ -473,6 +473,30 @@ impl Surface {
         if self.flipped { [s1, s0, t0, t1] } else { [s0, s1, t0, t1] }
     }
 
+    /// Ends of the parts along s and along t within which S is one formula: 0 first, 1 last.
+    pub(crate) fn breaks(&self) -> [Vec<f64>; 2] {
+        let whole = || vec![0.0, 1.0];
+        let [s, t] = match &self.kind {
+            Kind::Plane { .. } | Kind::Cone(_) | Kind::Sphere(_) | Kind::Torus(_) => [whole(), whole()],
+            Kind::Patch(patch) => patch.bases().each_ref().map(Basis::breaks),
+            Kind::Revolution(revolution) => [whole(), revolution.breaks()],
+            Kind::Extrusion(extrusion) => [extrusion.profile().breaks(), whole()],
+        };
+        [if self.flipped { s.iter().rev().map(|s| 1.0 - s).collect() } else { s }, t]
+    }
+
+    /// Degrees in s and in t, where S is a polynomial in each of these parts.
+    pub(crate) fn degrees(&self) -> Option<[usize; 2]> {
+        match &self.kind {
+            Kind::Plane { .. } => Some([1, 1]),
+            Kind::Patch(patch) if patch.weights().is_none() => Some(patch.bases().each_ref().map(Basis::degree)),
+            Kind::Extrusion(extrusion) if extrusion.profile().weights().is_none() => {
+                Some([extrusion.profile().basis().degree(), 1])
+            }
+            _ => None,
+        }
+    }
+
     /// Whether all derivatives are continuous, as formulas' are, and those of polynomials that have no knots inside.
     pub(crate) fn is_smooth(&self) -> bool {
         match &self.kind {
@@ -598,8 +622,6 @@ fn on_border<T: Copy>([s0, s1, t0, t1]: &[Option<T>; 4], s: f64, t: f64) -> Opti
 
 #[cfg(test)]
 mod tests {
-    use crate::bspline::Basis;
-
     use super::*;
 
     /// Third derivatives are the differences of second ones, for every kind, placed and flipped.
