@@ -13,6 +13,7 @@ use crate::elastic_request::{
 };
 use crate::job::{Directions, Job, MethodKind, MobilityKind, Objective, Preserve};
 use crate::lattice::Lattice;
+use crate::levels::{LevelOptions, Levels};
 use crate::moments::Moments;
 use crate::outcome::JobError;
 use crate::report::ElasticReport;
@@ -143,7 +144,22 @@ impl ElasticTask<'_> {
         let evaluation = if request.levels == LevelCount::AtMost(1) { Evaluation::Mesh } else { Evaluation::Auto };
         let options = ElasticOptions { is_free: Some(is_free), solver, evaluation };
         let model = ElasticModel { solid, binding, points, rest, springs: &springs };
-        let models: Vec<ElasticModel> = Vec::new();
+        let levels = match request.levels {
+            _ if is_newton => None,
+            LevelCount::AtMost(1) => None,
+            LevelCount::Auto | LevelCount::AtMost(_) => Some(Levels::of_mesh(solid, points, &LevelOptions::default())),
+        };
+        let most = match request.levels {
+            LevelCount::AtMost(count) => count,
+            LevelCount::Auto => usize::MAX,
+        };
+        let coarser = levels.iter().flat_map(|levels| levels.as_slice().iter().rev().skip(1).take(most - 1));
+        let mut coarser: Vec<_> = coarser.filter_map(|level| Some((level, binding.rows_of(level.vertices.as_ref()?)))).collect();
+        coarser.reverse();
+        let models: Vec<ElasticModel> = coarser
+            .iter()
+            .map(|(level, rows)| ElasticModel { solid: &level.solid, binding: rows, points: &level.points, ..model })
+            .collect();
         let elastic = Elastic::prepared(&model, posed, &wanted, &options, true)?;
         let mut elastic = elastic.with_levels(&models)?;
         let state = elastic.run(None, &mut |_| true)?;
