@@ -280,12 +280,16 @@ pub struct DeformArgs {
     #[arg(long, value_name = "TOML", help_heading = "Edits")]
     pub edit: Vec<String>,
 
-    /// How to keep the volume: axes such as xy or zyx, "nearest", "gradient", or "free".
+    /// How to keep the volume: axes such as xy or zyx, "nearest", "gradient", "elastic", or "free".
     #[arg(long, value_name = "HOW", help_heading = "Volume")]
     pub preserve: Option<String>,
     /// The method; with --preserve AXES, nearest and gradient move control points along these axes only.
     #[arg(long, value_enum, help_heading = "Volume")]
     pub method: Option<MethodArg>,
+    /// How nodes settle, with the method "elastic": hold={k=[0,2]},net="14",continuity="c1",center_of_mass="keep"; its method is then the
+    /// default.
+    #[arg(long, value_name = "KEYS", help_heading = "Volume")]
+    pub elastic: Option<String>,
     /// What the correction keeps small.
     #[arg(long, value_enum, help_heading = "Volume")]
     pub objective: Option<ObjectiveArg>,
@@ -389,6 +393,8 @@ pub enum MethodArg {
     Axes,
     /// A common factor of all heights over a surface.
     Height,
+    /// Nodes that no edit moved settle as springs between them want.
+    Elastic,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

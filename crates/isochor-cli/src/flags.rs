@@ -2,7 +2,7 @@
 
 use glam::DVec3;
 use isochor::{
-    Axis, Bend, Drag, Edit, Factors, Falloff, Job, LengthUnit, Move, Noise, PartTarget, PerAxis, Placement,
+    Axis, Bend, Drag, Edit, ElasticRequest, Factors, Falloff, Job, LengthUnit, Move, Noise, PartTarget, PerAxis, Placement,
     PointRequest, Refine, RefineWord, Rotate, RotationAxis, Scale, Selector, SignedAxis, Stretch, SurfaceRequest,
     Taper, Twist,
 };
@@ -230,6 +230,11 @@ pub fn place(text: &str) -> Result<Placement, Failure> {
     Ok(surface_section("place", text, &format!("surface = {{ place = {{ {text} }} }}"))?.place)
 }
 
+/// `hold={k=[0,2]},net="14"`
+pub fn elastic(text: &str) -> Result<ElasticRequest, Failure> {
+    Ok(section("elastic", text, &format!("elastic = {{ {text} }}"))?.elastic.unwrap_or_default())
+}
+
 /// `0.05` or `off`
 pub fn refine(text: &str) -> Result<Refine, Failure> {
     match text.trim() {
@@ -248,16 +253,20 @@ pub fn grid(text: &str) -> Result<[usize; 2], Failure> {
     }
 }
 
-/// The section of `toml`, which was made of the `text` behind a flag.
+/// The section `[surface]` of `toml`, which was made of the `text` behind a flag.
 fn surface_section(flag: &str, text: &str, toml: &str) -> Result<SurfaceRequest, Failure> {
-    let job = Job::from_toml(toml).map_err(|error| {
+    Ok(section(flag, text, toml)?.surface.unwrap_or_default())
+}
+
+/// The job of `toml`, which was made of the `text` behind a flag.
+fn section(flag: &str, text: &str, toml: &str) -> Result<Job, Failure> {
+    Job::from_toml(toml).map_err(|error| {
         let hint = match &error.nearest {
             Some(nearest) => format!("did you mean `{nearest}`?"),
             None => "write keys and values as in a job file, with commas: radius=1,height=2".into(),
         };
         Failure::usage(format!("--{flag}"), format!("\"{text}\": {}", error.what), hint)
-    })?;
-    Ok(job.surface.unwrap_or_default())
+    })
 }
 
 fn toml_string(text: &str) -> String {

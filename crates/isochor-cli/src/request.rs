@@ -346,12 +346,13 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
         Some("free") => preserve.volume = VolumeTarget::Free,
         Some("nearest") => only(preserve, MethodKind::Nearest),
         Some("gradient") => only(preserve, MethodKind::Gradient),
+        Some("elastic") => only(preserve, MethodKind::Elastic),
         Some(letters) => {
             let letters = letters.to_string().try_into().map_err(|error| {
                 Failure::usage(
                     "--preserve",
                     format!("{error}"),
-                    "write axes such as xy, \"nearest\", \"gradient\", or \"free\"",
+                    "write axes such as xy, \"nearest\", \"gradient\", \"elastic\", or \"free\"",
                 )
             })?;
             (preserve.method, preserve.axes) = (Some(MethodKind::Axes), Some(Directions::Letters(letters)));
@@ -363,7 +364,12 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
         Some(MethodArg::Gradient) => preserve.method = Some(MethodKind::Gradient),
         Some(MethodArg::Axes) => preserve.method = Some(MethodKind::Axes),
         Some(MethodArg::Height) => preserve.method = Some(MethodKind::Height),
+        Some(MethodArg::Elastic) => preserve.method = Some(MethodKind::Elastic),
         None => {}
+    }
+    if let Some(text) = &args.elastic {
+        job.elastic = Some(flags::elastic(text)?);
+        preserve.method.get_or_insert(MethodKind::Elastic);
     }
     match args.objective {
         Some(ObjectiveArg::Controls) => preserve.objective = Objective::Controls,

@@ -253,6 +253,17 @@ pub fn volume_lines(report: &Report) -> Vec<String> {
             100.0 * correction.max_displacement_relative
         ));
     }
+    if let Some(elastic) = &report.elastic {
+        lines.push(format!(
+            "elastic: {} of {} nodes settled by {} steps ({}), energy {} → {}",
+            elastic.free,
+            elastic.free + elastic.held,
+            elastic.steps,
+            elastic.solver,
+            significant(elastic.energy_posed),
+            significant(elastic.energy)
+        ));
+    }
     lines
 }
 
