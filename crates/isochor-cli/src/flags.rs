@@ -230,9 +230,23 @@ pub fn place(text: &str) -> Result<Placement, Failure> {
     Ok(surface_section("place", text, &format!("surface = {{ place = {{ {text} }} }}"))?.place)
 }
 
-/// `hold={k=[0,2]},net="14"`
-pub fn elastic(text: &str) -> Result<ElasticRequest, Failure> {
-    Ok(section("elastic", text, &format!("elastic = {{ {text} }}"))?.elastic.unwrap_or_default())
+/// `hold={k=[0,2]},net="14"`, over what the job says: keys with their default values say nothing.
+pub fn elastic(text: &str, request: &mut Option<ElasticRequest>) -> Result<(), Failure> {
+    let example = "hold={k=[0,2]},net=\"14\"";
+    let made = section("elastic", text, &format!("elastic = {{ {text} }}"), example)?.elastic.unwrap_or_default();
+    let other = ElasticRequest::default();
+    let said = request.take().unwrap_or_default();
+    *request = Some(ElasticRequest {
+        hold: if made.hold == other.hold { said.hold } else { made.hold },
+        net: if made.net == other.net { said.net } else { made.net },
+        solver: if made.solver == other.solver { said.solver } else { made.solver },
+        levels: if made.levels == other.levels { said.levels } else { made.levels },
+        stiffness: if made.stiffness == other.stiffness { said.stiffness } else { made.stiffness },
+        continuity: made.continuity.or(said.continuity),
+        center_of_mass: made.center_of_mass.or(said.center_of_mass),
+        inertia: made.inertia.or(said.inertia),
+    });
+    Ok(())
 }
 
 /// `0.05` or `off`
@@ -255,15 +269,15 @@ pub fn grid(text: &str) -> Result<[usize; 2], Failure> {
 
 /// The section `[surface]` of `toml`, which was made of the `text` behind a flag.
 fn surface_section(flag: &str, text: &str, toml: &str) -> Result<SurfaceRequest, Failure> {
-    Ok(section(flag, text, toml)?.surface.unwrap_or_default())
+    Ok(section(flag, text, toml, "radius=1,height=2")?.surface.unwrap_or_default())
 }
 
-/// The job of `toml`, which was made of the `text` behind a flag.
-fn section(flag: &str, text: &str, toml: &str) -> Result<Job, Failure> {
+/// The job of `toml`, which was made of the `text` behind a flag; an example of what it takes.
+fn section(flag: &str, text: &str, toml: &str, example: &str) -> Result<Job, Failure> {
     Job::from_toml(toml).map_err(|error| {
         let hint = match &error.nearest {
             Some(nearest) => format!("did you mean `{nearest}`?"),
-            None => "write keys and values as in a job file, with commas: radius=1,height=2".into(),
+            None => format!("write keys and values as in a job file, with commas: {example}"),
         };
         Failure::usage(format!("--{flag}"), format!("\"{text}\": {}", error.what), hint)
     })

@@ -368,8 +368,8 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
         None => {}
     }
     if let Some(text) = &args.elastic {
-        job.elastic = Some(flags::elastic(text)?);
         preserve.method.get_or_insert(MethodKind::Elastic);
+        flags::elastic(text, &mut job.elastic)?;
     }
     match args.objective {
         Some(ObjectiveArg::Controls) => preserve.objective = Objective::Controls,

@@ -1777,3 +1777,31 @@ fn names_that_are_not_unicode_are_names_too() {
     assert_eq!(failed.code, Some(2), "{}", failed.stderr);
     assert_eq!(failed.json()["error"]["code"], "usage");
 }
+
+#[test]
+fn elastic_flags_say_what_a_job_file_says() {
+    let folder = Folder::new();
+    let squash = "--lattice 3 --basis bernstein --edit 'scale = { by = [1, 1, 0.6], nodes = { k = [0, 2] } }'";
+    let run = |flags: &str| folder.report(&format!("shape:ring?n=24 -o out.ply {squash} {flags}"));
+    let report = run("--preserve elastic");
+    assert!(relative_error(&report) <= 1e-13, "{report}");
+    assert_eq!((&report["elastic"]["net"], &report["elastic"]["held"]), (&"26".into(), &18.into()));
+    assert_eq!(run("--method elastic")["elastic"]["energy"], report["elastic"]["energy"]);
+    let other = run("--elastic 'net=\"14\",stiffness=2'");
+    assert_eq!(other["elastic"]["net"], "14");
+    folder.write("job.toml", "preserve = { method = \"elastic\" }\nelastic = { net = \"14\", stiffness = 2 }\n");
+    assert_eq!(run("--job job.toml")["elastic"]["energy"], other["elastic"]["energy"]);
+    // Flags win, and keep what they do not name.
+    let both = run("--job job.toml --elastic 'net=\"14-kuhn\"'");
+    assert_eq!(both["elastic"]["net"], "14-kuhn");
+    let alone = run("--elastic 'net=\"14-kuhn\"'");
+    let ratio = both["elastic"]["energy"].as_f64().unwrap() / alone["elastic"]["energy"].as_f64().unwrap();
+    assert!((ratio - 2.0).abs() < 1e-9, "{ratio}");
+
+    let refused = folder.isochor(&format!("shape:ring -o no.ply {squash} --elastic net=26 --json").replacen("shape", "deform shape", 1));
+    assert_eq!(refused.code, Some(2));
+    assert!(refused.json()["error"]["hint"].as_str().unwrap().contains("hold={k=[0,2]}"), "{}", refused.stdout);
+    let held = folder.isochor(&format!("deform shape:ring -o no.ply {squash} --elastic 'hold=\"all\"' --json"));
+    assert_eq!((held.code, held.json()["error"]["where"].as_str().unwrap()), (Some(1), "elastic.hold"), "{}", held.stdout);
+    assert!(!folder.path("no.ply").exists());
+}

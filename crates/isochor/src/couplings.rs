@@ -6,9 +6,13 @@
 //! ∂²F/∂c_a∂c_b = Σ_v φ_a(v) Y_v,b,   Y_v,b = Σ_w φ_b(w) ∂²F/∂p_v∂p_w
 //! ```
 //!
-//! v over the vertices, w over the corners of the triangles at v. Both follow few nodes, so that few pairs (a, b) are coupled.
+//! v over the vertices, w over the corners of the triangles at v. Both follow few nodes, so that few pairs (a, b) are coupled. Vertices that follow the
+//! same nodes, and whose neighbours do, are taken together: their sum is a matrix product.
 
 use std::ops::Range;
+
+use faer::linalg::matmul::matmul;
+use faer::{Accum, MatMut, MatRef, Par};
 
 use crate::binding::Binding;
 use crate::block_matrix::Neighbours;
@@ -24,7 +28,24 @@ pub(crate) struct Couplings {
     /// The triangles at each vertex: `triangles[starts[v]..starts[v + 1]]`.
     starts: Vec<u32>,
     triangles: Vec<u32>,
+    /// Vertices that follow nodes, those of a batch one after another.
+    order: Vec<u32>,
+    batches: Vec<Batch>,
 }
+
+/// Vertices that are taken together.
+#[derive(Clone, Debug)]
+struct Batch {
+    /// The nodes that they follow.
+    own: NodeBox,
+    /// Those that the corners of their triangles follow.
+    window: NodeBox,
+    /// Where they are in the order.
+    vertices: Range<usize>,
+}
+
+/// Vertices of a batch at most. More: its matrices leave the processor's cache; fewer: products are slower.
+const BATCH: usize = 128;
 
 impl Couplings {
     /// Of `solid`, whose vertices follow nodes as `binding` says.
@@ -49,7 +70,30 @@ impl Couplings {
         }
         let size = rows.size();
         let reach = [0, 1, 2].map(|a| reach[a].min(size[a] - 1));
-        Self { neighbours: Neighbours { size, reach }, rows, starts, triangles: of_vertices }
+        let neighbours = Neighbours { size, reach };
+        let mut couplings =
+            Self { rows, neighbours, starts, triangles: of_vertices, order: Vec::new(), batches: Vec::new() };
+        let boxes = |v: usize| {
+            let corners = couplings.at(v).iter().flat_map(|t| triangles[*t as usize]);
+            (couplings.rows.nodes(v).bare(), corners.fold(NodeBox::default(), |nodes, w| nodes.with(couplings.rows.nodes(w as usize))))
+        };
+        let is_moved = |v: &usize| couplings.rows.nodes(*v).count() > 0 && !couplings.at(*v).is_empty();
+        let mut keys: Vec<_> = (0..couplings.rows.len()).filter(is_moved).map(|v| (boxes(v), v as u32)).collect();
+        keys.sort_unstable();
+        for run in keys.chunk_by(|a, b| a.0 == b.0) {
+            for part in run.chunks(BATCH) {
+                let first = couplings.order.len();
+                let (own, window) = part[0].0;
+                couplings.order.extend(part.iter().map(|(_, v)| *v));
+                couplings.batches.push(Batch { own, window, vertices: first..couplings.order.len() });
+            }
+        }
+        couplings
+    }
+
+    /// The triangles at a vertex.
+    fn at(&self, v: usize) -> &[u32] {
+        &self.triangles[self.starts[v] as usize..self.starts[v + 1] as usize]
     }
 
     /// Which pairs are coupled.
@@ -67,59 +111,56 @@ impl Couplings {
         /// Sums that are made at the same time. More: more memory.
         const PARTS: usize = 8;
         let places = self.neighbours.count().unwrap_or_default();
-        let vertices = self.rows.len();
         let of_part = |range: Range<usize>| {
             let mut sums = vec![[0.0; D]; places];
-            let mut of_window = Vec::new();
-            range.for_each(|v| self.add(solid, v, &of_corner, &mut of_window, &mut sums));
+            let mut scratch = Scratch::default();
+            self.batches[range].iter().for_each(|batch| self.add(solid, batch, &of_corner, &mut scratch, &mut sums));
             sums
         };
-        let mut parts = parallel::map_chunks(vertices, vertices.div_ceil(PARTS).max(1), of_part).into_iter();
-        let mut sums = parts.next().unwrap_or_default();
+        let batches = self.batches.len();
+        let mut parts = parallel::map_chunks(batches, batches.div_ceil(PARTS).max(1), of_part).into_iter();
+        let mut sums = parts.next().unwrap_or_else(|| vec![[0.0; D]; places]);
         for part in parts {
             sums.iter_mut().zip(part).for_each(|(sum, part)| (0..D).for_each(|d| sum[d] += part[d]));
         }
         sums
     }
 
-    /// Adds what belongs to vertex v; `of_window` may hold anything.
+    /// Adds what belongs to the vertices of a batch.
     fn add<const D: usize>(
         &self,
         solid: &Solid,
-        v: usize,
+        Batch { own, window, vertices }: &Batch,
         of_corner: &impl Fn(usize, [u32; 3]) -> [[f64; D]; 3],
-        of_window: &mut Vec<[f64; D]>,
+        Scratch { values, of_windows, product }: &mut Scratch<D>,
         sums: &mut [[f64; D]],
     ) {
-        let own = self.rows.nodes(v);
-        let at = &self.triangles[self.starts[v] as usize..self.starts[v + 1] as usize];
-        if own.count() == 0 || at.is_empty() {
-            return;
-        }
-        let turned = |t: u32| {
-            let [a, b, c] = solid.all_triangles()[t as usize];
-            let v = v as u32;
-            if a == v { [a, b, c] } else if b == v { [b, c, a] } else { [c, a, b] }
-        };
-        let corners = || at.iter().flat_map(|t| turned(*t));
-        let window = corners().fold(NodeBox::default(), |nodes, w| nodes.with(self.rows.nodes(w as usize)));
-        of_window.clear();
-        of_window.resize(window.count(), [0.0; D]);
-        for t in at {
-            let corners = turned(*t);
-            let component = solid.component_ranges().partition_point(|range| range.end <= *t as usize);
-            for (w, derivative) in corners.into_iter().zip(of_corner(component, corners)) {
-                let (nodes, row) = (self.rows.nodes(w as usize), self.rows.row(w as usize));
-                for (place, at) in nodes.lines_in(window) {
-                    let line = &row[at..at + nodes.size[2]];
-                    for (to, x) in of_window[place..place + line.len()].iter_mut().zip(line) {
-                        (0..D).for_each(|d| to[d] += x * derivative[d]);
+        let (nodes, others, count) = (own.count(), window.count(), vertices.len());
+        values.clear();
+        of_windows.clear();
+        of_windows.resize(count * others, [0.0; D]);
+        for (v, of_window) in self.order[vertices.clone()].iter().zip(of_windows.chunks_mut(others)) {
+            values.extend_from_slice(self.rows.row(*v as usize));
+            for t in self.at(*v as usize) {
+                let [a, b, c] = solid.all_triangles()[*t as usize];
+                let corners = if a == *v { [a, b, c] } else if b == *v { [b, c, a] } else { [c, a, b] };
+                let component = solid.component_ranges().partition_point(|range| range.end <= *t as usize);
+                for (w, derivative) in corners.into_iter().zip(of_corner(component, corners)) {
+                    if derivative != [0.0; D] {
+                        self.add_row(w as usize, derivative, *window, of_window);
                     }
                 }
             }
         }
+        product.clear();
+        product.resize(nodes * others, [0.0; D]);
+        let columns = D * others;
+        let values = MatRef::from_row_major_slice(&values[..], count, nodes);
+        let of_windows = MatRef::from_row_major_slice(of_windows.as_flattened(), count, columns);
+        let into = MatMut::from_row_major_slice_mut(product.as_flattened_mut(), nodes, columns);
+        matmul(into, Accum::Replace, values.transpose(), of_windows, 1.0, Par::Seq);
         let [_, wide, long] = window.size;
-        for (i, x) in self.rows.row(v).iter().enumerate() {
+        for (i, of_node) in product.chunks(others).enumerate() {
             let node = [i / (own.size[1] * own.size[2]), i / own.size[2] % own.size[1], i % own.size[2]];
             let node = [0, 1, 2].map(|a| own.first[a] + node[a]);
             let a = self.neighbours.index(node);
@@ -127,12 +168,39 @@ impl Couplings {
                 for line in 0..wide {
                     let b = [window.first[0] + u, window.first[1] + line, window.first[2]];
                     let place = self.neighbours.place(a, b);
-                    let from = &of_window[(u * wide + line) * long..][..long];
+                    let from = &of_node[(u * wide + line) * long..][..long];
                     for (to, y) in sums[place..place + long].iter_mut().zip(from) {
-                        (0..D).for_each(|d| to[d] += x * y[d]);
+                        (0..D).for_each(|d| to[d] += y[d]);
                     }
                 }
             }
         }
+    }
+
+    /// Adds the row of a vertex, times D numbers, to an array over `window`.
+    fn add_row<const D: usize>(&self, v: usize, numbers: [f64; D], window: NodeBox, to: &mut [[f64; D]]) {
+        let (nodes, row) = (self.rows.nodes(v), self.rows.row(v));
+        for (place, at) in nodes.lines_in(window) {
+            let line = &row[at..at + nodes.size[2]];
+            for (to, x) in to[place..place + line.len()].iter_mut().zip(line) {
+                (0..D).for_each(|d| to[d] += x * numbers[d]);
+            }
+        }
+    }
+}
+
+/// Memory of a batch.
+struct Scratch<const D: usize> {
+    /// φ of its vertices (#vertices × #own nodes).
+    values: Vec<f64>,
+    /// Y (#vertices × #nodes of the window × D).
+    of_windows: Vec<[f64; D]>,
+    /// Their product (#own nodes × #nodes of the window × D).
+    product: Vec<[f64; D]>,
+}
+
+impl<const D: usize> Default for Scratch<D> {
+    fn default() -> Self {
+        Self { values: Vec::new(), of_windows: Vec::new(), product: Vec::new() }
     }
 }

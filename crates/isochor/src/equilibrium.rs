@@ -14,13 +14,13 @@
 //!
 //! HML, section 3.5, has the volume by a penalty that grows; here no pose has another.
 
-use glam::DVec3;
+use glam::{DMat3, DVec3};
 
 use crate::block_matrix::BlockPattern;
 use crate::kkt::{Curved, Kkt, KktStep};
 use crate::measure::{Measure, Survey};
 use crate::rows::{Missed, Rows, dot};
-use crate::springs::Springs;
+use crate::springs::{Spring, Springs};
 use crate::tolerances;
 
 /// Halvings of a step at most. More: hopeless steps cost time; fewer: steps on strongly curved surfaces are given up.
@@ -29,6 +29,10 @@ const HALVINGS: usize = 30;
 /// Part of the slope's promise that a step must keep (Nocedal, Wright: c₁). Larger: good steps are shortened; smaller: steps that gain hardly
 /// anything.
 const KEPT: f64 = 1e-4;
+
+/// Where H is not convex, a step that promises more than this part of the energy is taken without looking for negative curvature. Larger: it is
+/// looked for where the slope leads further; smaller: ridges are approached slowly.
+const FAR: f64 = 1e-3;
 
 /// Energies this close are equal to rounding.
 const ROUNDING: f64 = 1e-13;
@@ -198,18 +202,33 @@ impl Search<'_> {
 
     /// The step from a pose; `None` where numbers are not finite.
     fn step(&self, at: &Pose, kkt: &mut Kkt) -> Option<KktStep> {
-        let mut values = vec![0.0; self.pattern.values()];
-        for (spring, block) in self.springs.hessian(&at.places) {
-            let [s, e] = spring.ends.map(|end| end as usize);
-            self.pattern.add(&mut values, s, s, block);
-            self.pattern.add(&mut values, e, e, block);
-            self.pattern.add(&mut values, s, e, -block);
-        }
+        let q = at.rows.basis();
+        let mut of_measure = vec![0.0; self.pattern.values()];
         let factors: Vec<f64> = at.multipliers[3 * self.conditions.points.len()..].iter().map(|l| -l).collect();
         if factors.iter().any(|factor| *factor != 0.0) {
-            self.conditions.measure.add_second(&at.places, &factors, self.pattern, &mut values);
+            self.conditions.measure.add_second(&at.places, &factors, self.pattern, &mut of_measure);
         }
-        kkt.step(self.pattern, &values, at.rows.basis(), &at.forces)
+        let mut exact = of_measure.clone();
+        self.springs.hessian(&at.places).for_each(|(spring, block)| self.add_spring(&mut exact, spring, block));
+        if let Some(direction) = kkt.convex_step(self.pattern, &exact, q, &at.forces) {
+            return Some(KktStep { direction, curved: None, is_convex: true });
+        }
+        // Far from where forces balance the part of H that is convex for certain leads down faster than H with something added to all of it.
+        let mut convex = of_measure;
+        self.springs.convex_hessian(&at.places).for_each(|(spring, block)| self.add_spring(&mut convex, spring, block));
+        if let Some(direction) = kkt.convex_step(self.pattern, &convex, q, &at.forces) {
+            if dot(&at.forces, &direction).abs() > FAR * at.energy {
+                return Some(KktStep { direction, curved: None, is_convex: false });
+            }
+        }
+        kkt.step(self.pattern, &exact, q, &at.forces)
+    }
+
+    fn add_spring(&self, values: &mut [f64], spring: Spring, block: DMat3) {
+        let [s, e] = spring.ends.map(|end| end as usize);
+        self.pattern.add(values, s, s, block);
+        self.pattern.add(values, e, e, block);
+        self.pattern.add(values, s, e, -block);
     }
 
     /// The next pose, lower or nearer to balance; `None` where there is none.
@@ -260,7 +279,7 @@ impl Search<'_> {
                 return (pose, Ended::Balanced);
             }
             let Some(step) = self.step(&pose, kkt) else { return (pose, Ended::Stuck) };
-            is_convex = step.is_convex || step.curved.is_none();
+            is_convex = step.is_convex;
             if pose.residual <= enough && is_convex {
                 return (pose, Ended::Balanced);
             }

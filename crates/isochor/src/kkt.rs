@@ -44,9 +44,9 @@ pub(crate) struct Kkt {
 pub(crate) struct KktStep {
     /// d (#unknowns).
     pub(crate) direction: Vec<f64>,
-    /// Where τ had to be added: a direction of negative curvature, if one was found.
+    /// A direction of negative curvature, where τ had to be added and one was found.
     pub(crate) curved: Option<Curved>,
-    /// Whether H is positive definite on what Q leaves free.
+    /// Whether H has no negative curvature on what Q leaves free, as far as is known.
     pub(crate) is_convex: bool,
 }
 
@@ -70,6 +70,12 @@ impl Kkt {
         (symbolic.len_val() <= MOST_VALUES).then_some(Self { symbolic, shift: 0.0 })
     }
 
+    /// The step for H with these values of its pattern, the rows Q (each #unknowns) and r (#unknowns), where H is positive definite on what Q
+    /// leaves free; `None` where it is not.
+    pub(crate) fn convex_step(&self, pattern: &BlockPattern, values: &[f64], q: &[Vec<f64>], r: &[f64]) -> Option<Vec<f64>> {
+        self.least(pattern, values, q, r).map(|(_, direction)| direction)
+    }
+
     /// The step for H with these values of its pattern, the rows Q (each #unknowns) and r (#unknowns). `None` where numbers are not finite.
     pub(crate) fn step(&mut self, pattern: &BlockPattern, values: &[f64], q: &[Vec<f64>], r: &[f64]) -> Option<KktStep> {
         let (diagonal, mean) = (pattern.diagonal(), mean(pattern, values));
@@ -79,8 +85,8 @@ impl Kkt {
             let shift = relative * mean;
             diagonal.iter().for_each(|at| shifted[*at as usize] = values[*at as usize] + shift);
             if let Some((factor, direction)) = self.least(pattern, &shifted, q, r) {
-                let is_convex = relative == 0.0;
-                let curved = if is_convex { None } else { factor.curved(pattern, values, q, r, mean) };
+                let curved = (relative > 0.0).then(|| factor.curved(pattern, values, q, r, mean)).flatten();
+                let is_convex = curved.is_none();
                 self.shift = relative;
                 return Some(KktStep { direction, curved, is_convex });
             }
@@ -193,7 +199,7 @@ impl<'a> Factor<'a> {
     /// finds the eigenvector whose eigenvalue is next to −τ. `mean` is that of the diagonal's magnitudes.
     fn curved(&self, pattern: &BlockPattern, values: &[f64], q: &[Vec<f64>], r: &[f64], mean: f64) -> Option<Curved> {
         /// More: nearer to the most negative curvature, for longer; fewer: weakly negative curvature is missed.
-        const ITERATIONS: usize = 8;
+        const ITERATIONS: usize = 20;
         /// Curvature that is less than this, relative to `mean`, is none: motions that cost nothing. Larger: nodes rest on weak ridges; smaller:
         /// rounding passes for curvature.
         const NONE: f64 = 1e-9;
@@ -323,7 +329,9 @@ mod tests {
             let step = kkt.step(&pattern, &values, q, &r).unwrap();
             let shift = kkt.shift * mean(&pattern, &values);
             prop_assert_eq!(negative(shift), q.len());
-            prop_assert_eq!(step.is_convex, negative(0.0) == q.len());
+            prop_assert_eq!(shift == 0.0, negative(0.0) == q.len());
+            prop_assert_eq!(kkt.convex_step(&pattern, &values, q, &r).is_some(), shift == 0.0);
+            prop_assert_eq!(step.is_convex, step.curved.is_none());
             // The solution of the whole matrix with the right side −r.
             let d = &step.direction;
             for row in q {
@@ -333,8 +341,7 @@ mod tests {
             rows.project(&mut residual);
             let scale = 1.0 + d.iter().fold(0.0, |m: f64, x| m.max(x.abs()));
             prop_assert!(residual.iter().all(|x| x.abs() < 1e-8 * scale), "{residual:?}");
-            // A direction of negative curvature, where there is any worth the name.
-            prop_assert!(step.is_convex == step.curved.is_none());
+            prop_assert!(shift > 0.0 || step.is_convex);
             if let Some(Curved { direction: v, curvature }) = &step.curved {
                 let product: f64 = (0..unknowns).map(|i| v[i] * (0..unknowns).map(|j| full[(i, j)] * v[j]).sum::<f64>()).sum();
                 prop_assert!((product - curvature).abs() < 1e-9 && *curvature < 0.0);

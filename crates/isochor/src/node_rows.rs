@@ -17,7 +17,7 @@ pub(crate) struct NodeRows {
 }
 
 /// Nodes `first[a]..first[a] + size[a]` along each axis a.
-#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, PartialOrd, Ord)]
 pub(crate) struct NodeBox {
     pub(crate) first: [usize; 3],
     pub(crate) size: [usize; 3],
@@ -32,6 +32,11 @@ impl NodeBox {
 
     fn is_empty(&self) -> bool {
         self.count() == 0
+    }
+
+    /// The same box without values.
+    pub(crate) fn bare(self) -> Self {
+        Self { at: 0, ..self }
     }
 
     /// The smallest box that holds both; an empty one holds nothing.

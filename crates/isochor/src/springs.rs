@@ -266,12 +266,22 @@ impl Springs {
     ///
     /// As [`Springs::energy`].
     pub fn hessian(&self, places: &[DVec3]) -> impl Iterator<Item = (Spring, DMat3)> {
+        self.blocks(places, f64::NEG_INFINITY)
+    }
+
+    /// The same without what is negative in K: across a compressed spring it is taken for 0.
+    pub(crate) fn convex_hessian(&self, places: &[DVec3]) -> impl Iterator<Item = (Spring, DMat3)> {
+        self.blocks(places, 0.0)
+    }
+
+    /// The blocks with `1 − L/l` at least `least`.
+    fn blocks(&self, places: &[DVec3], least: f64) -> impl Iterator<Item = (Spring, DMat3)> {
         self.expect_all(places);
-        self.springs.iter().filter_map(|spring| {
+        self.springs.iter().filter_map(move |spring| {
             let along = spring.along(places);
             let unit = along.try_normalize()?;
             let parallel = DMat3::from_cols(unit * unit.x, unit * unit.y, unit * unit.z);
-            let across = (1.0 - spring.length / along.length()) * (DMat3::IDENTITY - parallel);
+            let across = (1.0 - spring.length / along.length()).max(least) * (DMat3::IDENTITY - parallel);
             Some((*spring, spring.stiffness * (parallel + across)))
         })
     }
