@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 use isochor::{
-    Axis, Bend, Drag, Edit, ElasticRequest, Factors, Falloff, Job, LengthUnit, Move, Noise, PartTarget, PerAxis, Placement,
-    PointRequest, Refine, RefineWord, Rotate, RotationAxis, Scale, Selector, SignedAxis, Stretch, SurfaceRequest,
-    Taper, Twist,
+    Axis, Bend, Drag, Edit, ElasticRequest, Factors, Falloff, Job, LengthUnit, Move, Noise, PartTarget, PerAxis,
+    Placement, PointRequest, Refine, RefineWord, Rotate, RotationAxis, Scale, Selector, SignedAxis, Stretch,
+    SurfaceRequest, Taper, Twist,
 };
 
 use crate::failure::Failure;

@@ -1798,10 +1798,19 @@ fn elastic_flags_say_what_a_job_file_says() {
     let ratio = both["elastic"]["energy"].as_f64().unwrap() / alone["elastic"]["energy"].as_f64().unwrap();
     assert!((ratio - 2.0).abs() < 1e-9, "{ratio}");
 
-    let refused = folder.isochor(&format!("shape:ring -o no.ply {squash} --elastic net=26 --json").replacen("shape", "deform shape", 1));
+    let refused = folder.isochor(&format!("shape:ring -o no.ply {squash} --elastic net=26 --json").replacen(
+        "shape",
+        "deform shape",
+        1,
+    ));
     assert_eq!(refused.code, Some(2));
     assert!(refused.json()["error"]["hint"].as_str().unwrap().contains("hold={k=[0,2]}"), "{}", refused.stdout);
     let held = folder.isochor(&format!("deform shape:ring -o no.ply {squash} --elastic 'hold=\"all\"' --json"));
-    assert_eq!((held.code, held.json()["error"]["where"].as_str().unwrap()), (Some(1), "elastic.hold"), "{}", held.stdout);
+    assert_eq!(
+        (held.code, held.json()["error"]["where"].as_str().unwrap()),
+        (Some(1), "elastic.hold"),
+        "{}",
+        held.stdout
+    );
     assert!(!folder.path("no.ply").exists());
 }

@@ -215,7 +215,7 @@ pub(crate) fn settle<'a>(
     let mut units = vec![volume / conditions.extent; 3 * conditions.points.len()];
     units.extend(conditions.scales.iter().map(|scale| volume / scale));
     // The root of what a node is held with, on average.
-    let held: f64 = search.springs.hessian(&places.to_vec()).map(|(spring, _)| 2.0 * spring.stiffness).sum();
+    let held: f64 = search.springs.hessian(places).map(|(spring, _)| 2.0 * spring.stiffness).sum();
     let stiffness = (held / search.springs.node_count() as f64).sqrt();
     let mut penalty = options.penalty * unit;
     let mut multipliers = vec![0.0; units.len()];

@@ -76,8 +76,7 @@ impl BlockPattern {
         let places = neighbours.count()?;
         let mut count = 0;
         let mut number = |is_free: bool| if is_free { (count, count += 1).0 } else { HELD };
-        let unknowns: Vec<[u32; 3]> =
-            is_free.iter().map(|free| [free.x, free.y, free.z].map(&mut number)).collect();
+        let unknowns: Vec<[u32; 3]> = is_free.iter().map(|free| [free.x, free.y, free.z].map(&mut number)).collect();
         let mut blocks = vec![HELD; places];
         let mut entries = Vec::new();
         let mut columns: Vec<(u32, u32, u32, usize)> = Vec::new(); // column, row, block, which of its entries
@@ -87,7 +86,9 @@ impl BlockPattern {
                 let low = if axis == 0 { at[0] } else { at[axis].saturating_sub(neighbours.reach[axis]) };
                 low..(at[axis] + neighbours.reach[axis] + 1).min(neighbours.size[axis])
             });
-            for b in us.flat_map(|u| vs.clone().map(move |v| [u, v])).flat_map(|[u, v]| ws.clone().map(move |w| [u, v, w])) {
+            for b in
+                us.flat_map(|u| vs.clone().map(move |v| [u, v])).flat_map(|[u, v]| ws.clone().map(move |w| [u, v, w]))
+            {
                 let (place, b) = (neighbours.place(a, b), neighbours.index(b));
                 if b < a || !is_free[b].any() {
                     continue;
@@ -165,7 +166,8 @@ impl BlockPattern {
             let around = self.neighbours.around();
             let (a, offset) = (place / around, place % around);
             let [_, rv, rw] = self.neighbours.reach;
-            let [w, v, u] = [offset % (2 * rw + 1), offset / (2 * rw + 1) % (2 * rv + 1), offset / (2 * rw + 1) / (2 * rv + 1)];
+            let [w, v, u] =
+                [offset % (2 * rw + 1), offset / (2 * rw + 1) % (2 * rv + 1), offset / (2 * rw + 1) / (2 * rv + 1)];
             let at = self.neighbours.node(a);
             f(a, self.neighbours.index([at[0] + u, at[1] + v - rv, at[2] + w - rw]), place);
         }

@@ -461,7 +461,11 @@ impl<'a> Corrector<'a> {
     }
 
     /// For one correction: nothing is copied.
-    pub(crate) fn borrowed(solid: &'a Solid, binding: &'a Binding, options: &CorrectOptions) -> Result<Self, CorrectError> {
+    pub(crate) fn borrowed(
+        solid: &'a Solid,
+        binding: &'a Binding,
+        options: &CorrectOptions,
+    ) -> Result<Self, CorrectError> {
         let controls = binding.control_count();
         length("the binding", binding.vertex_count(), solid.vertex_count())?;
         let mobility = options.mobility.clone().unwrap_or_else(|| vec![DVec3::ONE; controls]);

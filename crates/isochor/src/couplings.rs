@@ -75,7 +75,10 @@ impl Couplings {
             Self { rows, neighbours, starts, triangles: of_vertices, order: Vec::new(), batches: Vec::new() };
         let boxes = |v: usize| {
             let corners = couplings.at(v).iter().flat_map(|t| triangles[*t as usize]);
-            (couplings.rows.nodes(v).bare(), corners.fold(NodeBox::default(), |nodes, w| nodes.with(couplings.rows.nodes(w as usize))))
+            (
+                couplings.rows.nodes(v).bare(),
+                corners.fold(NodeBox::default(), |nodes, w| nodes.with(couplings.rows.nodes(w as usize))),
+            )
         };
         let is_moved = |v: &usize| couplings.rows.nodes(*v).count() > 0 && !couplings.at(*v).is_empty();
         let mut keys: Vec<_> = (0..couplings.rows.len()).filter(is_moved).map(|v| (boxes(v), v as u32)).collect();
@@ -143,7 +146,13 @@ impl Couplings {
             values.extend_from_slice(self.rows.row(*v as usize));
             for t in self.at(*v as usize) {
                 let [a, b, c] = solid.all_triangles()[*t as usize];
-                let corners = if a == *v { [a, b, c] } else if b == *v { [b, c, a] } else { [c, a, b] };
+                let corners = if a == *v {
+                    [a, b, c]
+                } else if b == *v {
+                    [b, c, a]
+                } else {
+                    [c, a, b]
+                };
                 let component = solid.component_ranges().partition_point(|range| range.end <= *t as usize);
                 for (w, derivative) in corners.into_iter().zip(of_corner(component, corners)) {
                     if derivative != [0.0; D] {

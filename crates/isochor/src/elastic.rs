@@ -38,8 +38,8 @@ use crate::correct::{CorrectError, CorrectOptions, Correction, Corrector, Method
 use crate::equilibrium::{Conditions, Ended, PointCondition, Pose, Search};
 use crate::goals::{Goals, VolumeGoal};
 use crate::kkt::Kkt;
-use crate::mesh::Bounds;
 use crate::measure::{FormMeasure, Measure, MeshMeasure, Numbers, Tilted};
+use crate::mesh::Bounds;
 use crate::moments::{Moments, combinations};
 use crate::points::PointTarget;
 use crate::springs::Springs;
@@ -323,7 +323,12 @@ impl<'a> Elastic<'a> {
         let goals = match Goals::new(&wanted.volumes, solid.component_count()) {
             Ok(goals) => goals.of(solid),
             // Named as a correction names it.
-            Err(_) => return Err(corrector.problem(points, &plain(wanted, Vec::new())).err().map_or(ElasticError::NoPose, Into::into)),
+            Err(_) => {
+                return Err(corrector
+                    .problem(points, &plain(wanted, Vec::new()))
+                    .err()
+                    .map_or(ElasticError::NoPose, Into::into));
+            }
         };
         let with_inertia = wanted.moments.is_some_and(|moments| moments.inertia.is_some());
         let moments = wanted.moments.map(|_| combinations(with_inertia)).unwrap_or_default();
@@ -343,14 +348,15 @@ impl<'a> Elastic<'a> {
         } && mesh.numbers.moments.is_empty()
             && options.solver == ElasticSolver::Newton;
         let form = has_form.then(|| FormMeasure::of(&mesh, of_form, &places));
-        let coarse = (form.is_none() && options.evaluation == Evaluation::Auto && options.solver == ElasticSolver::Newton)
-            .then(|| Coarse::of(solid, binding, &mesh.points))
-            .flatten()
-            .map(|Coarse { solid, binding, posed }| {
-                let rest = Cow::Owned(mesh.rest.to_vec());
-                let numbers = Numbers { goals: mesh.numbers.goals.clone().of(&solid), ..mesh.numbers.clone() };
-                MeshMeasure::new(Cow::Owned(solid), Cow::Owned(binding), Cow::Owned(posed.to_vec()), rest, numbers)
-            });
+        let coarse =
+            (form.is_none() && options.evaluation == Evaluation::Auto && options.solver == ElasticSolver::Newton)
+                .then(|| Coarse::of(solid, binding, &mesh.points))
+                .flatten()
+                .map(|Coarse { solid, binding, posed }| {
+                    let rest = Cow::Owned(mesh.rest.to_vec());
+                    let numbers = Numbers { goals: mesh.numbers.goals.clone().of(&solid), ..mesh.numbers.clone() };
+                    MeshMeasure::new(Cow::Owned(solid), Cow::Owned(binding), Cow::Owned(posed.to_vec()), rest, numbers)
+                });
         let neighbours = match options.solver {
             ElasticSolver::Newton => searched(form.as_ref(), coarse.as_ref(), &mesh).neighbours(),
             // No second derivatives, but a number for each coordinate.
@@ -397,7 +403,8 @@ impl<'a> Elastic<'a> {
                     return Err(CorrectError::Length { what, found, expected }.into());
                 }
             }
-            let numbers = Numbers { goals: self.mesh.numbers.goals.clone().of(level.solid), ..self.mesh.numbers.clone() };
+            let numbers =
+                Numbers { goals: self.mesh.numbers.goals.clone().of(level.solid), ..self.mesh.numbers.clone() };
             let points = translated(level.points, -self.origin);
             let (solid, binding) = (Cow::Borrowed(level.solid), Cow::Borrowed(level.binding));
             self.levels.push(MeshMeasure::new(solid, binding, Cow::Owned(points), self.mesh.rest.clone(), numbers));
@@ -508,7 +515,8 @@ impl<'a> Elastic<'a> {
         let search = Search { conditions, springs: self.springs, pattern: &self.matrix.pattern };
         let mut levels = Vec::new();
         let (pose, status) = if let ElasticSolver::AugmentedLagrangian(options) = self.solver {
-            let (pose, reports, status) = augmented::settle(&self.levels, &search, &self.mesh, &self.places, &options, &mut each);
+            let (pose, reports, status) =
+                augmented::settle(&self.levels, &search, &self.mesh, &self.places, &options, &mut each);
             levels = reports;
             (pose, status)
         } else {
@@ -582,8 +590,13 @@ impl<'a> Elastic<'a> {
     fn corrected(&self) -> Result<Correction, ElasticError> {
         let vertices = self.mesh.vertices(&self.places);
         let moved = |point: &PointTarget| {
-            let by: DVec3 = point.weights.iter().map(|(node, w)| *w * (self.places[*node] - self.mesh.rest[*node])).sum();
-            PointTarget { position: point.position - self.origin + by, target: point.target - self.origin, weights: point.weights.clone() }
+            let by: DVec3 =
+                point.weights.iter().map(|(node, w)| *w * (self.places[*node] - self.mesh.rest[*node])).sum();
+            PointTarget {
+                position: point.position - self.origin + by,
+                target: point.target - self.origin,
+                weights: point.weights.clone(),
+            }
         };
         let wanted = plain(&self.wanted, self.wanted.points.iter().map(moved).collect());
         let mut correction = self.corrector.correct(&vertices, &wanted)?;

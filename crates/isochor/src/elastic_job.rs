@@ -5,8 +5,8 @@ use glam::{DMat3, DVec3};
 use crate::augmented::Augmented;
 use crate::binding::Binding;
 use crate::elastic::{
-    Elastic, ElasticModel, ElasticOptions, ElasticSolver, ElasticState, ElasticStatus, ElasticWanted, Evaluation, MomentTargets,
-    Settled,
+    Elastic, ElasticModel, ElasticOptions, ElasticSolver, ElasticState, ElasticStatus, ElasticWanted, Evaluation,
+    MomentTargets, Settled,
 };
 use crate::elastic_request::{
     CenterOfMass, ElasticRequest, ElasticSolverKind, Hold, Inertia, LevelCount, free_coordinates,
@@ -46,7 +46,10 @@ impl Job {
         let refused = |key, problem: &str| Err(JobError::Value { key, problem: problem.into() });
         if self.preserve.method != Some(MethodKind::Elastic) {
             return match &self.elastic {
-                Some(_) => refused("elastic", "is for the method \"elastic\": add preserve.method = \"elastic\", or leave it out"),
+                Some(_) => refused(
+                    "elastic",
+                    "is for the method \"elastic\": add preserve.method = \"elastic\", or leave it out",
+                ),
                 None => Ok(None),
             };
         }
@@ -56,25 +59,43 @@ impl Job {
             return refused("preserve.shares", "are for the method \"axes\": the springs decide how nodes move");
         }
         if let Some(Directions::Vectors(_)) = axes {
-            return refused("preserve.axes", "takes letters with the method \"elastic\", such as \"xy\": along these nodes may move");
+            return refused(
+                "preserve.axes",
+                "takes letters with the method \"elastic\", such as \"xy\": along these nodes may move",
+            );
         }
         if *objective != Objective::Controls {
-            return refused("preserve.objective", "is the energy of the springs with the method \"elastic\"; leave it out");
+            return refused(
+                "preserve.objective",
+                "is the energy of the springs with the method \"elastic\"; leave it out",
+            );
         }
         if *mobility != MobilityKind::Uniform {
-            return refused("preserve.mobility", "is all or nothing with the method \"elastic\": hold nodes, or leave it out");
+            return refused(
+                "preserve.mobility",
+                "is all or nothing with the method \"elastic\": hold nodes, or leave it out",
+            );
         }
         if falloff.is_some() {
             return refused("preserve.falloff", "is for other methods than \"elastic\": hold nodes instead");
         }
         if preview.is_some() {
-            return refused("preserve.preview", "is for other methods than \"elastic\", which makes its own coarse meshes; leave it out");
+            return refused(
+                "preserve.preview",
+                "is for other methods than \"elastic\", which makes its own coarse meshes; leave it out",
+            );
         }
         if self.portable_bits {
-            return refused("portable_bits", "is for other methods than \"elastic\", whose linear algebra rounds as the processor likes");
+            return refused(
+                "portable_bits",
+                "is for other methods than \"elastic\", whose linear algebra rounds as the processor likes",
+            );
         }
         if request.solver == ElasticSolverKind::Newton && matches!(request.levels, LevelCount::AtMost(2..)) {
-            return refused("elastic.levels", "is \"auto\" or 1 with the solver \"newton\"; more are for \"augmented-lagrangian\"");
+            return refused(
+                "elastic.levels",
+                "is \"auto\" or 1 with the solver \"newton\"; more are for \"augmented-lagrangian\"",
+            );
         }
         Ok(Some(request))
     }
@@ -99,7 +120,9 @@ impl ElasticTask<'_> {
             let border = continuity.border(self.lattice);
             if let Some(node) = (0..border.len()).find(|node| border[*node] && self.posed[*node] != self.rest[*node]) {
                 let [i, j, k] = self.lattice.node(node);
-                let problem = format!("keeps the nodes at the border of the lattice at rest, but node ({i}, {j}, {k}) has been moved");
+                let problem = format!(
+                    "keeps the nodes at the border of the lattice at rest, but node ({i}, {j}, {k}) has been moved"
+                );
                 return Err(JobError::Value { key: "elastic.continuity", problem });
             }
             is_held.iter_mut().zip(border).for_each(|(held, border)| *held |= border);
@@ -128,7 +151,11 @@ impl ElasticTask<'_> {
     }
 
     /// Lets the nodes settle. `wanted` has the volumes and points; `origin` is where coordinates here begin.
-    pub(crate) fn settled(&self, mut wanted: ElasticWanted, origin: DVec3) -> Result<(Settled, ElasticReport), JobError> {
+    pub(crate) fn settled(
+        &self,
+        mut wanted: ElasticWanted,
+        origin: DVec3,
+    ) -> Result<(Settled, ElasticReport), JobError> {
         let &Self { request, solid, binding, points, rest, posed, .. } = self;
         let springs = Springs::between(self.lattice.size(), rest, request.net, request.stiffness)
             .map_err(|error| JobError::Value { key: "elastic.stiffness", problem: format!("cannot be: {error}") })?;
@@ -136,11 +163,8 @@ impl ElasticTask<'_> {
         let free = is_free.iter().filter(|free| free.any()).count();
         wanted.moments = self.moments(origin);
         let is_newton = request.solver == ElasticSolverKind::Newton;
-        let solver = if is_newton {
-            ElasticSolver::Newton
-        } else {
-            ElasticSolver::AugmentedLagrangian(Augmented::default())
-        };
+        let solver =
+            if is_newton { ElasticSolver::Newton } else { ElasticSolver::AugmentedLagrangian(Augmented::default()) };
         let evaluation = if request.levels == LevelCount::AtMost(1) { Evaluation::Mesh } else { Evaluation::Auto };
         let options = ElasticOptions { is_free: Some(is_free), solver, evaluation };
         let model = ElasticModel { solid, binding, points, rest, springs: &springs };
@@ -154,7 +178,8 @@ impl ElasticTask<'_> {
             LevelCount::Auto => usize::MAX,
         };
         let coarser = levels.iter().flat_map(|levels| levels.as_slice().iter().rev().skip(1).take(most - 1));
-        let mut coarser: Vec<_> = coarser.filter_map(|level| Some((level, binding.rows_of(level.vertices.as_ref()?)))).collect();
+        let mut coarser: Vec<_> =
+            coarser.filter_map(|level| Some((level, binding.rows_of(level.vertices.as_ref()?)))).collect();
         coarser.reverse();
         let models: Vec<ElasticModel> = coarser
             .iter()

@@ -64,8 +64,6 @@ pub(crate) struct Conditions<'a> {
 pub(crate) struct Pose {
     pub(crate) places: Vec<DVec3>,
     pub(crate) energy: f64,
-    /// ∇E (#unknowns).
-    slope: Vec<f64>,
     /// What is left to the values wanted: of points along x, y, z, then of numbers.
     open: Vec<f64>,
     /// Gradients of both (each #unknowns).
@@ -141,10 +139,10 @@ impl Search<'_> {
         }
         let slope = self.pattern.pulled(&self.springs.gradient(&places));
         let multipliers = rows.multipliers(&slope);
-        let mut forces = slope.clone();
+        let mut forces = slope;
         rows.project(&mut forces);
         let residual = forces.iter().fold(0.0, |most: f64, f| most.max(f.abs())) / self.springs.force();
-        Pose { energy: self.springs.energy(&places), places, slope, open, rows, multipliers, forces, residual }
+        Pose { energy: self.springs.energy(&places), places, open, rows, multipliers, forces, residual }
     }
 
     /// A pose where all holds, from `places` by the smallest steps; if that fails, by small parts of what is wanted. `None` where that fails too.
@@ -216,12 +214,12 @@ impl Search<'_> {
         // Far from where forces balance the part of H that is convex for certain leads down faster than H with something added to all of it.
         let mut convex = of_measure;
         self.springs.convex_hessian(&at.places).for_each(|(spring, block)| self.add_spring(&mut convex, spring, block));
-        if let Some(direction) = kkt.convex_step(self.pattern, &convex, q, &at.forces) {
-            if dot(&at.forces, &direction).abs() > FAR * at.energy {
-                return Some(KktStep { direction, curved: None, is_convex: false });
+        match kkt.convex_step(self.pattern, &convex, q, &at.forces) {
+            Some(direction) if dot(&at.forces, &direction).abs() > FAR * at.energy => {
+                Some(KktStep { direction, curved: None, is_convex: false })
             }
+            _ => kkt.step(self.pattern, &exact, q, &at.forces),
         }
-        kkt.step(self.pattern, &exact, q, &at.forces)
     }
 
     fn add_spring(&self, values: &mut [f64], spring: Spring, block: DMat3) {

@@ -270,7 +270,7 @@ impl Reader<'_> {
             DeValue::Table(table) if table.contains_key("keys") => {
                 if !may_have_keys {
                     let what = format!(
-                        "{path} cannot change with time: keys are for values in [[edit]], [preserve] and [surface]"
+                        "{path} cannot change with time: keys are for values in [[edit]], [preserve], [surface] and [elastic]"
                     );
                     return Err(self.error(&what, value.span()));
                 }

@@ -8,13 +8,13 @@
 //! section 3.1).
 
 use faer::dyn_stack::{MemBuffer, MemStack};
+use faer::perm::PermRef;
+use faer::sparse::linalg::SupernodalThreshold;
 use faer::sparse::linalg::cholesky::supernodal::SupernodalIntranodeLbltRef;
 use faer::sparse::linalg::cholesky::{
     CholeskySymbolicParams, IntranodeLbltRef, SymbolicCholesky, SymbolicCholeskyRaw, SymmetricOrdering,
     factorize_symbolic_cholesky,
 };
-use faer::sparse::linalg::SupernodalThreshold;
-use faer::perm::PermRef;
 use faer::{Conj, Mat, MatMut, Par, Side};
 
 use crate::block_matrix::BlockPattern;
@@ -66,18 +66,31 @@ impl Kkt {
         let params =
             CholeskySymbolicParams { supernodal_flop_ratio_threshold: ALWAYS, ..CholeskySymbolicParams::default() };
         let symbolic =
-            factorize_symbolic_cholesky(pattern.symbolic().as_ref(), Side::Upper, SymmetricOrdering::Amd, params).ok()?;
+            factorize_symbolic_cholesky(pattern.symbolic().as_ref(), Side::Upper, SymmetricOrdering::Amd, params)
+                .ok()?;
         (symbolic.len_val() <= MOST_VALUES).then_some(Self { symbolic, shift: 0.0 })
     }
 
     /// The step for H with these values of its pattern, the rows Q (each #unknowns) and r (#unknowns), where H is positive definite on what Q
     /// leaves free; `None` where it is not.
-    pub(crate) fn convex_step(&self, pattern: &BlockPattern, values: &[f64], q: &[Vec<f64>], r: &[f64]) -> Option<Vec<f64>> {
+    pub(crate) fn convex_step(
+        &self,
+        pattern: &BlockPattern,
+        values: &[f64],
+        q: &[Vec<f64>],
+        r: &[f64],
+    ) -> Option<Vec<f64>> {
         self.least(pattern, values, q, r).map(|(_, direction)| direction)
     }
 
     /// The step for H with these values of its pattern, the rows Q (each #unknowns) and r (#unknowns). `None` where numbers are not finite.
-    pub(crate) fn step(&mut self, pattern: &BlockPattern, values: &[f64], q: &[Vec<f64>], r: &[f64]) -> Option<KktStep> {
+    pub(crate) fn step(
+        &mut self,
+        pattern: &BlockPattern,
+        values: &[f64],
+        q: &[Vec<f64>],
+        r: &[f64],
+    ) -> Option<KktStep> {
         let (diagonal, mean) = (pattern.diagonal(), mean(pattern, values));
         let mut relative = 0.0;
         let mut shifted = values.to_vec();
@@ -143,7 +156,8 @@ impl<'a> Factor<'a> {
             vectors: Mat::new(),
             eigenvalues: Vec::new(),
         };
-        let mut memory = MemBuffer::new(symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(Par::Seq, Default::default()));
+        let mut memory =
+            MemBuffer::new(symbolic.factorize_numeric_intranode_lblt_scratch::<f64>(Par::Seq, Default::default()));
         symbolic.factorize_numeric_intranode_lblt(
             &mut factor.values,
             &mut factor.below,
@@ -204,7 +218,8 @@ impl<'a> Factor<'a> {
         /// rounding passes for curvature.
         const NONE: f64 = 1e-9;
         // No symmetry of a lattice leaves this as it is.
-        let mut direction: Vec<f64> = (0..r.len()).map(|i| ((i + 1) as f64 * 0.618_033_988_749_895).fract() - 0.5).collect();
+        let mut direction: Vec<f64> =
+            (0..r.len()).map(|i| ((i + 1) as f64 * 0.618_033_988_749_895).fract() - 0.5).collect();
         for _ in 0..ITERATIONS {
             direction = self.tangent(q, &direction);
             let length = norm(&direction);

@@ -179,8 +179,8 @@ pub use edit::{
     Taper, Twist,
 };
 pub use elastic::{
-    Elastic, ElasticError, ElasticModel, ElasticOptions, ElasticSolver, ElasticState, ElasticStatus, ElasticStep, ElasticWanted, Evaluation,
-    MomentTargets, Settled, relaxed,
+    Elastic, ElasticError, ElasticModel, ElasticOptions, ElasticSolver, ElasticState, ElasticStatus, ElasticStep,
+    ElasticWanted, Evaluation, MomentTargets, Settled, relaxed,
 };
 pub use elastic_request::{CenterOfMass, Continuity, ElasticRequest, ElasticSolverKind, Hold, Inertia, LevelCount};
 pub use energy::Energy;
@@ -216,8 +216,8 @@ pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use preview::Preview;
 pub use refinement::Refinement;
 pub use report::{
-    CorrectionReport, ElasticReport, FilmReport, FrameReport, PartRow, Report, Stopwatch, SurfaceReport, Timings, VolumeReport,
-    VolumeRow,
+    CorrectionReport, ElasticReport, FilmReport, FrameReport, PartRow, Report, Stopwatch, SurfaceReport, Timings,
+    VolumeReport, VolumeRow,
 };
 pub use select::{ControlSpace, SelectError, Selector};
 pub use sensitivity::{Cause, Effect, Sensitivity};
@@ -233,8 +233,8 @@ pub use surface_request::{
     SurfaceRequest, SurfaceRequestError, ThroughRequest,
 };
 pub use topology::{Topology, UnbalancedEdge, topology};
-pub use volume_form::VolumeForm;
 pub use volume::{OpenBoundaries, Solid, SolidError, Volumes};
+pub use volume_form::VolumeForm;
 pub use wrap::{Feet, Laid, Wrap, WrapError, WrapFolds};
 
 /// The examples of the documentation are tests.
@@ -242,6 +242,8 @@ pub use wrap::{Feet, Laid, Wrap, WrapError, WrapFolds};
 mod pages {
     #[doc = include_str!("../../../docs/correct.md")]
     mod correct {}
+    #[doc = include_str!("../../../docs/elastic.md")]
+    mod elastic {}
     #[doc = include_str!("../../../docs/frames.md")]
     mod frames {}
     #[doc = include_str!("../../../docs/preview.md")]

@@ -50,10 +50,6 @@ pub(crate) struct Numbers {
 }
 
 impl Numbers {
-    pub(crate) fn len(&self) -> usize {
-        self.goals.len() + self.moments.len()
-    }
-
     /// Of each component what the factors of its goals add up to.
     fn weights(&self, factors: &[f64], components: usize) -> Vec<f64> {
         let counted = |c: usize| (0..self.goals.len()).filter(move |goal| self.goals.counts(*goal, c));
@@ -184,7 +180,8 @@ impl FormMeasure {
             vec![VolumeForm::new(&mesh.solid, &mesh.points, &mesh.binding, &mesh.rest)]
         } else {
             let offset = offset(&mesh.points, &mesh.binding, &mesh.rest, places, &nodes);
-            let form = |goal| VolumeForm::of(&mesh.solid, &mesh.binding, &nodes, Some(&offset), |c| goals.counts(goal, c));
+            let form =
+                |goal| VolumeForm::of(&mesh.solid, &mesh.binding, &nodes, Some(&offset), |c| goals.counts(goal, c));
             (0..goals.len()).map(form).collect()
         };
         Self { forms, nodes, size: mesh.binding.size() }
@@ -303,8 +300,10 @@ mod tests {
             let numbers = Numbers { goals, moments, about: DVec3::new(0.3, -0.2, 0.1) };
             let (solid, binding) = (Cow::Borrowed(&solid), Cow::Borrowed(&binding));
             let mesh = MeshMeasure::new(solid, binding, Cow::Borrowed(mesh.points()), Cow::Borrowed(&rest), numbers);
-            let places: Vec<DVec3> = rest.iter().map(|c| *c + 0.3 * DVec3::new(c.y * c.y, c.z * c.x, -c.x * c.y)).collect();
-            let along: Vec<DVec3> = rest.iter().map(|c| DVec3::new(c.z.sin(), (3.0 * c.x).cos(), c.y - 0.5 * c.x)).collect();
+            let places: Vec<DVec3> =
+                rest.iter().map(|c| *c + 0.3 * DVec3::new(c.y * c.y, c.z * c.x, -c.x * c.y)).collect();
+            let along: Vec<DVec3> =
+                rest.iter().map(|c| DVec3::new(c.z.sin(), (3.0 * c.x).cos(), c.y - 0.5 * c.x)).collect();
             let off = |h: f64| -> Vec<DVec3> { places.iter().zip(&along).map(|(c, d)| *c + h * *d).collect() };
             let h = 1e-5;
             let (at, high, low) = (mesh.survey(&places), mesh.survey(&off(h)), mesh.survey(&off(-h)));
@@ -328,7 +327,11 @@ mod tests {
             for (node, found) in found.chunks(3).enumerate() {
                 let rate = |k: usize| factors[k] * (high.gradients[k][node] - low.gradients[k][node]) / (2.0 * h);
                 let expected: DVec3 = (0..factors.len()).map(rate).sum();
-                assert!((DVec3::from_slice(found) - expected).length() < 1e-7, "{} {node}: {found:?} {expected}", factors.len());
+                assert!(
+                    (DVec3::from_slice(found) - expected).length() < 1e-7,
+                    "{} {node}: {found:?} {expected}",
+                    factors.len()
+                );
             }
         }
     }

@@ -58,7 +58,9 @@ impl NodeBox {
         // An empty box is nowhere, and has no lines.
         let offset = |a: usize| if self.is_empty() { 0 } else { self.first[a] - outer.first[a] };
         let [i0, j0, k0] = [0, 1, 2].map(offset);
-        let line = move |(i, j)| (((i0 + i) * outer.size[1] + j0 + j) * outer.size[2] + k0, (i * self.size[1] + j) * self.size[2]);
+        let line = move |(i, j)| {
+            (((i0 + i) * outer.size[1] + j0 + j) * outer.size[2] + k0, (i * self.size[1] + j) * self.size[2])
+        };
         (0..self.size[0]).flat_map(move |i| (0..self.size[1]).map(move |j| (i, j))).map(line)
     }
 }

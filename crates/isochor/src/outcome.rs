@@ -246,7 +246,10 @@ pub enum JobError {
     #[error(transparent)]
     Elastic(ElasticError),
     /// Nodes have not settled.
-    #[error("the nodes have not settled: after {steps} steps forces are off balance by {residual:.1e}, more than {:e}", tolerances::BALANCE_ENOUGH)]
+    #[error(
+        "the nodes have not settled: after {steps} steps forces are off balance by {residual:.1e}, more than {:e}",
+        tolerances::BALANCE_ENOUGH
+    )]
     NotSettled {
         /// The largest force that nothing balances, in forces that stretch a spring by its own length.
         residual: f64,
@@ -638,12 +641,14 @@ impl Job {
                 other => other,
             })?;
             let moved = &settled.correction.vertices;
-            correction = CorrectionReport::of_springs(&settled.correction, settled_report.steps, &points, moved, extent);
+            correction =
+                CorrectionReport::of_springs(&settled.correction, settled_report.steps, &points, moved, extent);
             posed = settled.places;
             displacement = posed.iter().zip(&controls.rest).map(|(p, r)| *p - *r).collect();
             points = settled.correction.vertices;
             let end = Volumes { total: settled.correction.volume, components: settled.correction.component_volumes };
-            volume = Some(if goals.is_empty() { body.free_rows(&points) } else { body.rows(&posed_volumes, &end, &goals) });
+            volume =
+                Some(if goals.is_empty() { body.free_rows(&points) } else { body.rows(&posed_volumes, &end, &goals) });
             elastic = Some(settled_report);
             kept = Some(body);
         } else if self.preserve.volume == VolumeTarget::Free {

@@ -241,7 +241,13 @@ impl CorrectionReport {
     }
 
     /// Of nodes that settled in `steps` from the posed vertices `before` to `after` (each #vertices × 3).
-    pub(crate) fn of_springs(correction: &Correction, steps: usize, before: &[DVec3], after: &[DVec3], extent: f64) -> Self {
+    pub(crate) fn of_springs(
+        correction: &Correction,
+        steps: usize,
+        before: &[DVec3],
+        after: &[DVec3],
+        extent: f64,
+    ) -> Self {
         Self {
             method: "elastic".into(),
             objective: "springs".into(),

@@ -6,9 +6,9 @@ use std::time::Duration;
 
 use glam::{BVec3, DVec3};
 use isochor::{
-    Augmented, Basis, Binding, Elastic, ElasticError, ElasticModel, ElasticOptions, ElasticSolver, ElasticState, ElasticStatus,
-    ElasticWanted, Evaluation, Frame, Lattice, Mesh, MomentTargets, Net, OpenBoundaries, Outside, PointTarget, Settled, Solid,
-    Springs, Stiffness, VolumeForm, VolumeGoal, Components, shapes, topology,
+    Augmented, Basis, Binding, Components, Elastic, ElasticError, ElasticModel, ElasticOptions, ElasticSolver,
+    ElasticState, ElasticStatus, ElasticWanted, Evaluation, Frame, Lattice, Mesh, MomentTargets, Net, OpenBoundaries,
+    Outside, PointTarget, Settled, Solid, Springs, Stiffness, VolumeForm, VolumeGoal, shapes, topology,
 };
 use numbers::{number, numbers, reference, vectors};
 
@@ -48,7 +48,12 @@ impl Case {
         ElasticWanted { volumes: vec![goal], ..ElasticWanted::default() }
     }
 
-    fn run(&self, start: &[DVec3], wanted: &ElasticWanted, options: &ElasticOptions) -> Result<(ElasticState, Settled), ElasticError> {
+    fn run(
+        &self,
+        start: &[DVec3],
+        wanted: &ElasticWanted,
+        options: &ElasticOptions,
+    ) -> Result<(ElasticState, Settled), ElasticError> {
         let mut elastic = Elastic::new(&self.model(), start, wanted, options)?;
         let state = elastic.run(None, &mut |_| true)?;
         Ok((state, elastic.settled()?))
@@ -88,7 +93,10 @@ fn the_papers_torus_settles_where_independent_solvers_say() {
             let options = ElasticOptions { is_free: is_free.clone(), evaluation, ..ElasticOptions::default() };
             let (state, settled) = torus.run(&start, &torus.wanted(1.0), &options).unwrap();
             assert_eq!(state.status, ElasticStatus::Settled);
-            println!("{} {} {evaluation:?}: {} steps, {} evaluations, residual {:.1e}", case["net"], case["N_tri"], state.steps, state.evaluations, state.residual);
+            println!(
+                "{} {} {evaluation:?}: {} steps, {} evaluations, residual {:.1e}",
+                case["net"], case["N_tri"], state.steps, state.evaluations, state.residual
+            );
             assert!((state.energy / number(&case["E_opt"]) - 1.0).abs() < 1e-9, "{}", state.energy);
             assert!((state.pressures[0] / number(&case["lambda_opt"]) - 1.0).abs() < 1e-6, "{:?}", state.pressures);
             let optimum = vectors(&case["X_opt"]);
@@ -163,7 +171,10 @@ fn cases() -> Vec<(&'static str, Case)> {
     let ball = shapes::icosphere(3);
     let half = Mesh::new(
         ball.points().to_vec(),
-        ball.faces().iter().filter(|face| face.iter().all(|v| ball.points()[*v as usize].z < 0.3)).collect::<isochor::Faces>(),
+        ball.faces()
+            .iter()
+            .filter(|face| face.iter().all(|v| ball.points()[*v as usize].z < 0.3))
+            .collect::<isochor::Faces>(),
     );
     let small = Frame { origin: DVec3::splat(-0.8), axes: [0, 1, 2].map(|a| 1.6 * DVec3::AXES[a]) };
     let small = Lattice::new([0; 3].map(|_| Basis::clamped(4, 2).unwrap()), small).unwrap();
@@ -283,7 +294,8 @@ fn centre_of_mass_and_inertia_are_kept() {
         for with_inertia in [false, true] {
             let moments = MomentTargets::of(&case.solid, &case.points, with_inertia);
             let wanted = ElasticWanted { moments: Some(moments), ..case.wanted(0.95) };
-            let (state, settled) = case.run(&start, &wanted, &options).unwrap_or_else(|error| panic!("{name}: {error}"));
+            let (state, settled) =
+                case.run(&start, &wanted, &options).unwrap_or_else(|error| panic!("{name}: {error}"));
             assert_eq!(state.status, ElasticStatus::Settled, "{name} {state:?}");
             assert!(settled.correction.relative_error <= 1e-13);
             let found = MomentTargets::of(&case.solid, &settled.correction.vertices, true);
@@ -404,7 +416,8 @@ fn far_from_the_origin_nothing_is_lost() {
     let is_meant = |case: &&serde_json::Value| case["net"] == "n26" && number(&case["N_tri"]) == 1024.0;
     let case = file["cases"].as_array().unwrap().iter().find(is_meant).unwrap();
     assert!((state.energy / number(&case["E_opt"]) - 1.0).abs() < 1e-6, "{}", state.energy);
-    let apart = settled.places.iter().zip(vectors(&case["X_opt"])).map(|(a, b)| a.distance(b + far)).fold(0.0, f64::max);
+    let apart =
+        settled.places.iter().zip(vectors(&case["X_opt"])).map(|(a, b)| a.distance(b + far)).fold(0.0, f64::max);
     assert!(apart < 1e-6, "{apart:e}");
 }
 
@@ -459,7 +472,8 @@ fn buckled_lattices_settle_below_the_straight_ones() {
     let options = ElasticOptions { is_free, ..ElasticOptions::default() };
     let (straight, _) = case.run(&pressed, &case.wanted(0.6), &options).unwrap();
     // The same a little aside.
-    let aside: Vec<DVec3> = pressed.iter().map(|c| *c + DVec3::new(0.0, 0.02 * c.x * (2.0 - c.x), 0.01 * c.x * (2.0 - c.x))).collect();
+    let aside: Vec<DVec3> =
+        pressed.iter().map(|c| *c + DVec3::new(0.0, 0.02 * c.x * (2.0 - c.x), 0.01 * c.x * (2.0 - c.x))).collect();
     let (buckled, settled) = case.run(&aside, &case.wanted(0.6), &options).unwrap();
     assert_eq!(buckled.status, ElasticStatus::Settled, "{buckled:?}");
     assert!(settled.correction.relative_error <= 1e-13);

@@ -5,7 +5,8 @@ mod numbers;
 
 use glam::DVec3;
 use isochor::{
-    ElasticReport, Film, Job, JobError, JobInput, Mesh, MomentTargets, OpenBoundaries, Outcome, Solid, Source, shapes, topology,
+    ElasticReport, Film, Job, JobError, JobInput, Mesh, MomentTargets, OpenBoundaries, Outcome, Solid, Source, shapes,
+    topology,
 };
 use numbers::{number, reference};
 
@@ -22,7 +23,10 @@ fn run(mesh: &Mesh, toml: &str) -> Result<Outcome, JobError> {
 fn settled(mesh: &Mesh, toml: &str) -> (Outcome, ElasticReport) {
     let outcome = run(mesh, toml).unwrap_or_else(|error| panic!("{error}: {toml}"));
     let elastic = outcome.report.elastic.clone().expect("a report of springs");
-    assert_eq!((outcome.report.correction.method.as_str(), outcome.report.correction.objective.as_str()), ("elastic", "springs"));
+    assert_eq!(
+        (outcome.report.correction.method.as_str(), outcome.report.correction.objective.as_str()),
+        ("elastic", "springs")
+    );
     (outcome, elastic)
 }
 
@@ -40,10 +44,14 @@ fn the_papers_torus() {
     let file = reference("hirota_torus_reference.json");
     let mesh = shapes::uv_torus(1.0, 0.4, 64, 32);
     for case in file["cases"].as_array().unwrap().iter().filter(|case| number(&case["N_tri"]) == 4096.0) {
-        let net = case["net"].as_str().unwrap().replace("n14kuhn", "14-kuhn").replace('n', "").replace("14-kuh", "14-kuhn");
+        let net =
+            case["net"].as_str().unwrap().replace("n14kuhn", "14-kuhn").replace('n', "").replace("14-kuh", "14-kuhn");
         let section = format!("[elastic]\nnet = '{net}'\n");
         let (outcome, elastic) = settled(&mesh, &format!("{LATTICE}{SQUASH}{ELASTIC}{section}"));
-        assert_eq!((elastic.net.as_str(), elastic.status.as_str(), elastic.held, elastic.free), (net.as_str(), "settled", 18, 9));
+        assert_eq!(
+            (elastic.net.as_str(), elastic.status.as_str(), elastic.held, elastic.free),
+            (net.as_str(), "settled", 18, 9)
+        );
         assert!((elastic.energy / number(&case["E_opt"]) - 1.0).abs() < 1e-9, "{net}: {}", elastic.energy);
         assert!((elastic.energy_posed / number(&case["E_start"]) - 1.0).abs() < 1e-9);
         assert!((elastic.pressures[0] / number(&case["lambda_opt"]) - 1.0).abs() < 1e-6);
@@ -52,14 +60,19 @@ fn the_papers_torus() {
         let (_, by_mesh) = settled(&mesh, &format!("{LATTICE}{SQUASH}{ELASTIC}{section}levels = 1\n"));
         assert_eq!((elastic.evaluation.as_str(), by_mesh.evaluation.as_str()), ("form", "mesh"));
         assert!((by_mesh.energy / elastic.energy - 1.0).abs() < 1e-12);
-        let (_, by_levels) = settled(&mesh, &format!("{LATTICE}{SQUASH}{ELASTIC}{section}solver = 'augmented-lagrangian'\n"));
+        let (_, by_levels) =
+            settled(&mesh, &format!("{LATTICE}{SQUASH}{ELASTIC}{section}solver = 'augmented-lagrangian'\n"));
         assert_eq!(by_levels.status, "approximate");
         assert!(by_levels.levels.len() > 2 && (by_levels.energy / elastic.energy - 1.0).abs() < 0.01, "{by_levels:?}");
-        let (_, alone) =
-            settled(&mesh, &format!("{LATTICE}{SQUASH}{ELASTIC}{section}solver = 'augmented-lagrangian'\nlevels = 1\n"));
+        let (_, alone) = settled(
+            &mesh,
+            &format!("{LATTICE}{SQUASH}{ELASTIC}{section}solver = 'augmented-lagrangian'\nlevels = 1\n"),
+        );
         assert_eq!(alone.levels.len(), 1);
-        let (_, two) =
-            settled(&mesh, &format!("{LATTICE}{SQUASH}{ELASTIC}{section}solver = 'augmented-lagrangian'\nlevels = 2\n"));
+        let (_, two) = settled(
+            &mesh,
+            &format!("{LATTICE}{SQUASH}{ELASTIC}{section}solver = 'augmented-lagrangian'\nlevels = 2\n"),
+        );
         assert_eq!(two.levels.len(), 2);
     }
 }
@@ -85,7 +98,10 @@ fn what_is_held_stays_and_what_is_not_moves() {
     let error = refused(&mesh, &format!("{lattice}{edit}{ELASTIC}"));
     assert!(error.is_unreachable() && error.place() == "elastic.hold" && error.code() == "impossible", "{error}");
     assert!(error.to_string().contains("every node is held"), "{error}");
-    assert!(matches!(refused(&mesh, &format!("{lattice}{edit}{ELASTIC}[elastic]\nhold = 'all'\n")), JobError::Elastic(_)));
+    assert!(matches!(
+        refused(&mesh, &format!("{lattice}{edit}{ELASTIC}[elastic]\nhold = 'all'\n")),
+        JobError::Elastic(_)
+    ));
 }
 
 /// Values and derivatives up to the order agree with the identity at the border of the lattice.
@@ -93,15 +109,22 @@ fn what_is_held_stays_and_what_is_not_moves() {
 fn continuity_holds_border_layers_at_rest() {
     let mesh = shapes::icosphere(3);
     let job = |lattice: &str, word: &str| {
-        format!("lattice = {{ {lattice} }}\nedit = [{{ move = {{ by = [0.1, 0, 0.1], nodes = {{ list = [[4, 4, 4]] }} }} }}]\n{ELASTIC}[elastic]\ncontinuity = '{word}'\n")
+        format!(
+            "lattice = {{ {lattice} }}\nedit = [{{ move = {{ by = [0.1, 0, 0.1], nodes = {{ list = [[4, 4, 4]] }} }} }}]\n{ELASTIC}[elastic]\ncontinuity = '{word}'\n"
+        )
     };
-    for (lattice, layers) in [("size = 9", [1, 2, 3]), ("basis = 'bernstein', size = 8", [1, 2, 3]), ("size = 9, knots = 'uniform'", [3, 3, 3])] {
+    for (lattice, layers) in [
+        ("size = 9", [1, 2, 3]),
+        ("basis = 'bernstein', size = 8", [1, 2, 3]),
+        ("size = 9, knots = 'uniform'", [3, 3, 3]),
+    ] {
         for (word, layers) in ["c0", "c1", "c2"].into_iter().zip(layers) {
             let (outcome, elastic) = settled(&mesh, &job(lattice, word));
             let controls = outcome.controls.unwrap();
             let size = controls.lattice.size();
             let is_border = |node: [usize; 3]| (0..3).any(|a| node[a] < layers || node[a] + layers >= size[a]);
-            let border: Vec<usize> = (0..controls.rest.len()).filter(|n| is_border(controls.lattice.node(*n))).collect();
+            let border: Vec<usize> =
+                (0..controls.rest.len()).filter(|n| is_border(controls.lattice.node(*n))).collect();
             assert!(border.iter().all(|node| controls.posed[*node] == controls.rest[*node]), "{lattice} {word}");
             assert_eq!(elastic.held, border.len() + 1, "{lattice} {word}");
         }
@@ -143,7 +166,8 @@ fn centre_of_mass_and_inertia_in_jobs() {
 fn points_are_met_and_dragged_vertices_hold_no_nodes() {
     let mesh = shapes::icosphere(3);
     let to = mesh.points()[0] + DVec3::new(0.2, 0.1, 0.3);
-    let drag = format!("edit = [{{ drag = {{ points = [{{ vertex = 0, to = [{}, {}, {}] }}] }} }}]\n", to.x, to.y, to.z);
+    let drag =
+        format!("edit = [{{ drag = {{ points = [{{ vertex = 0, to = [{}, {}, {}] }}] }} }}]\n", to.x, to.y, to.z);
     let (outcome, elastic) = settled(&mesh, &format!("{drag}{ELASTIC}"));
     assert!(outcome.points[0].distance(to) < 1e-12);
     assert_eq!(elastic.held, 0);
@@ -160,7 +184,12 @@ fn springs_alone_decide_where_the_volume_is_free() {
     assert_eq!(outcome.report.volume.unwrap().overall.target, None);
     // Several volumes at once.
     let chain = shapes::chain(3, 16, 8);
-    let (outcome, elastic) = settled(&chain, &format!("edit = [{{ stretch = {{ axis = 'y', scale = 0.7, nodes = {{ i = 0 }} }} }}]\n{ELASTIC}volume = 'each'\n"));
+    let (outcome, elastic) = settled(
+        &chain,
+        &format!(
+            "edit = [{{ stretch = {{ axis = 'y', scale = 0.7, nodes = {{ i = 0 }} }} }}]\n{ELASTIC}volume = 'each'\n"
+        ),
+    );
     assert_eq!(elastic.pressures.len(), 3);
     assert!(outcome.report.volume.unwrap().components.iter().all(|row| row.relative_error.unwrap() <= 1e-13));
 }
@@ -194,7 +223,18 @@ fn keys_of_other_methods_are_refused() {
         let error = refused(&mesh, &toml);
         assert_eq!((error.place().as_str(), error.is_unreachable()), (place, false), "{toml}: {error}");
     }
-    for text in ["hold = 'some'", "levels = 0", "levels = -1", "levels = 'few'", "net = 15", "continuity = 'c3'", "center_of_mass = 'here'", "inertia = [[1, 2, 3], [0, 1, 0], [0, 0, 1]]", "stifness = 1", "solver = 'gradient'"] {
+    for text in [
+        "hold = 'some'",
+        "levels = 0",
+        "levels = -1",
+        "levels = 'few'",
+        "net = 15",
+        "continuity = 'c3'",
+        "center_of_mass = 'here'",
+        "inertia = [[1, 2, 3], [0, 1, 0], [0, 0, 1]]",
+        "stifness = 1",
+        "solver = 'gradient'",
+    ] {
         let error = Job::from_toml(&format!("[elastic]\n{text}\n")).expect_err(text);
         assert_eq!(error.line, Some(2), "{text}: {error}");
     }
@@ -216,7 +256,9 @@ fn values_of_the_section_are_read() {
 #[test]
 fn films_settle_frame_by_frame() {
     let mesh = shapes::uv_torus(1.0, 0.4, 24, 12);
-    let text = format!("frames = 3\n{LATTICE}[[edit]]\nscale = {{ by = {{ keys = [[0, [1, 1, 1]], [1, [1, 1, 0.6]]] }}, nodes = {{ k = [0, 2] }} }}\n{ELASTIC}[elastic]\nhold = {{ k = [0, 2] }}\nstiffness = {{ keys = [[0, 1], [1, 3]] }}\n");
+    let text = format!(
+        "frames = 3\n{LATTICE}[[edit]]\nscale = {{ by = {{ keys = [[0, [1, 1, 1]], [1, [1, 1, 0.6]]] }}, nodes = {{ k = [0, 2] }} }}\n{ELASTIC}[elastic]\nhold = {{ k = [0, 2] }}\nstiffness = {{ keys = [[0, 1], [1, 3]] }}\n"
+    );
     let film = Film::from_toml(&text).unwrap();
     let energies: Vec<f64> = (0..3)
         .map(|frame| {

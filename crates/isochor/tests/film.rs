@@ -282,7 +282,10 @@ fn keys_belong_into_films_and_there_into_edits_and_what_is_preserved() {
         (format!("frames = 2\n# comment\noutput = {keys}"), "output"),
     ] {
         let error = error(&text);
-        assert!(error.what.starts_with(path) && error.what.contains("[[edit]], [preserve] and [surface]"), "{error}");
+        assert!(
+            error.what.starts_with(path) && error.what.contains("[[edit]], [preserve], [surface] and [elastic]"),
+            "{error}"
+        );
         assert_eq!(error.line, Some(3));
     }
     let text = format!("[[edit]]\ntaper = {{ axis = \"z\", scale = {keys} }}");
