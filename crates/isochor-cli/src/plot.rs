@@ -1,9 +1,11 @@
-//! HB, figure 9, time against vertices, and CO, figure 3, time against grid cells: drawn as SVG, both axes logarithmic.
+//! HB, figure 9, time against vertices, CO, figure 3, time against grid cells, and HML, figures 5 to 8, error against time: drawn as SVG, both axes
+//! logarithmic.
 
 use std::path::Path;
 
 use plotters::prelude::*;
 
+use crate::bench_elastic::{ElasticBench, LevelsRun};
 use crate::bench_lattice::{LatticeBench, ModelRow};
 use crate::bench_surface::{GridRow, SurfaceBench};
 use crate::failure::Failure;
@@ -11,7 +13,7 @@ use crate::files::Pending;
 use crate::paper;
 use crate::request::has_extension;
 use crate::stages::Stage;
-use crate::table::threads;
+use crate::table::{grouped, threads};
 use crate::terminal::Terminal;
 
 /// Width and height in pixels.
@@ -47,15 +49,18 @@ impl<'a> Plot<'a> {
     }
 }
 
-/// Milliseconds against something.
+/// Something against something.
 struct Chart {
     caption: &'static str,
     /// What is along x.
     x: &'static str,
+    /// And along y.
+    y: &'static str,
     series: Vec<Series>,
+    names: SeriesLabelPosition,
 }
 
-/// A line through points (x, milliseconds).
+/// A line through points (x, y).
 struct Series {
     name: String,
     color: RGBColor,
@@ -70,6 +75,9 @@ const NEAREST: RGBColor = RGBColor(150, 110, 20);
 
 /// For r = 1, 2, 3.
 const REACHES: [RGBColor; 3] = [CPU, ONE_AXIS[0], GPU];
+
+/// For HML's examples.
+const EXAMPLES: [RGBColor; 5] = [CPU, GPU, ONE_AXIS[0], NEAREST, RGBColor(150, 60, 170)];
 
 /// The times of one axis here and in the paper, and of the smallest displacement with all threads.
 pub fn of_lattice_bench(bench: &LatticeBench) -> Result<String, Failure> {
@@ -94,7 +102,7 @@ pub fn of_lattice_bench(bench: &LatticeBench) -> Result<String, Failure> {
         let name = format!("here, {}, nearest and moved", threads(last));
         series.push(Series { name, color: NEAREST, points: here(last, Stage::Nearest) });
     }
-    Chart { caption: "Volume correction along one axis", x: "vertices", series }.svg()
+    Chart::of_times("Volume correction along one axis", "vertices", series).svg()
 }
 
 /// The times of flattening with all threads.
@@ -107,7 +115,27 @@ pub fn of_surface_bench(bench: &SurfaceBench) -> Result<String, Failure> {
         let name = format!("r = {}, {}", row.reach, threads(row.runs[last].threads));
         series.push(Series { name, color, points: bench.grids.iter().map(point).collect() });
     }
-    Chart { caption: "Flattening a surface", x: "grid cells", series }.svg()
+    Chart::of_times("Flattening a surface", "grid cells", series).svg()
+}
+
+/// How far nodes are from where forces balance, level after level, and where the mesh alone leads.
+pub fn of_elastic_bench(bench: &ElasticBench) -> Result<String, Failure> {
+    let mut series = Vec::new();
+    for (row, color) in bench.rows.iter().zip(EXAMPLES) {
+        let points =
+            |run: &LevelsRun| run.levels.iter().map(|level| (level.cumulated_ms, level.from_balance)).collect();
+        let name = format!("{}, {} triangles", row.example, grouped(row.triangles));
+        series.push(Series { name, color, points: points(&row.multi) });
+        series.push(Series { name: "the same, mesh alone".into(), color, points: points(&row.single) });
+    }
+    Chart {
+        caption: "Nodes that settle level after level",
+        x: "milliseconds",
+        y: "error, in extents",
+        series,
+        names: SeriesLabelPosition::LowerLeft,
+    }
+    .svg()
 }
 
 /// From the power of ten below the least to that above the largest.
@@ -117,6 +145,11 @@ fn decades(numbers: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 }
 
 impl Chart {
+    /// Of milliseconds that grow with what is along x.
+    fn of_times(caption: &'static str, x: &'static str, series: Vec<Series>) -> Self {
+        Self { caption, x, y: "milliseconds", series, names: SeriesLabelPosition::UpperLeft }
+    }
+
     fn svg(&self) -> Result<String, Failure> {
         self.drawn().map_err(|error| Failure {
             exit: 2,
@@ -143,7 +176,7 @@ impl Chart {
         chart
             .configure_mesh()
             .x_desc(self.x)
-            .y_desc("milliseconds")
+            .y_desc(self.y)
             .x_label_formatter(&|x| x.to_string())
             .y_label_formatter(&|y| y.to_string())
             .draw()?;
@@ -158,7 +191,7 @@ impl Chart {
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
+            .position(self.names.clone())
             .background_style(WHITE)
             .border_style(BLACK)
             .draw()?;

@@ -107,7 +107,8 @@ fn benches(c: &mut Criterion) {
         b.iter(|| {
             is_moved = !is_moved;
             let z = 0.24 - if is_moved { 0.028 } else { 0.0 };
-            let handles: Vec<(usize, DVec3)> = (2..27).step_by(3).map(|node| (node, DVec3 { z, ..large.rest[node] })).collect();
+            let handles: Vec<(usize, DVec3)> =
+                (2..27).step_by(3).map(|node| (node, DVec3 { z, ..large.rest[node] })).collect();
             elastic.move_nodes(&handles).unwrap();
             black_box(elastic.run(None, &mut |_| true).unwrap())
         });
