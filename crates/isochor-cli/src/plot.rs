@@ -62,7 +62,8 @@ struct Chart {
 
 /// A line through points (x, y).
 struct Series {
-    name: String,
+    /// `None`: it belongs to the one before.
+    name: Option<String>,
     color: RGBColor,
     points: Vec<(f64, f64)>,
 }
@@ -82,7 +83,7 @@ const EXAMPLES: [RGBColor; 5] = [CPU, GPU, ONE_AXIS[0], NEAREST, RGBColor(150, 6
 /// The times of one axis here and in the paper, and of the smallest displacement with all threads.
 pub fn of_lattice_bench(bench: &LatticeBench) -> Result<String, Failure> {
     let paper = |name: &str, color, time: fn(&paper::Times) -> f64| Series {
-        name: name.into(),
+        name: Some(name.into()),
         color,
         points: paper::TABLE_2.iter().map(|row| (row.vertices as f64, time(row))).collect(),
     };
@@ -96,11 +97,11 @@ pub fn of_lattice_bench(bench: &LatticeBench) -> Result<String, Failure> {
     let threads = |run: usize| threads(bench.models[0].runs[run].threads);
     for (run, color) in (0..runs).zip(ONE_AXIS) {
         let name = format!("here, {}", threads(run));
-        series.push(Series { name, color, points: here(run, Stage::Offsets) });
+        series.push(Series { name: Some(name), color, points: here(run, Stage::Offsets) });
     }
     if let Some(last) = runs.checked_sub(1) {
         let name = format!("here, {}, nearest and moved", threads(last));
-        series.push(Series { name, color: NEAREST, points: here(last, Stage::Nearest) });
+        series.push(Series { name: Some(name), color: NEAREST, points: here(last, Stage::Nearest) });
     }
     Chart::of_times("Volume correction along one axis", "vertices", series).svg()
 }
@@ -113,7 +114,7 @@ pub fn of_surface_bench(bench: &SurfaceBench) -> Result<String, Failure> {
         let Some(last) = row.runs.len().checked_sub(1) else { continue };
         let point = |grid: &GridRow| (grid.cells.pow(2) as f64, grid.reaches[k].runs[last].flatten.ms);
         let name = format!("r = {}, {}", row.reach, threads(row.runs[last].threads));
-        series.push(Series { name, color, points: bench.grids.iter().map(point).collect() });
+        series.push(Series { name: Some(name), color, points: bench.grids.iter().map(point).collect() });
     }
     Chart::of_times("Flattening a surface", "grid cells", series).svg()
 }
@@ -125,15 +126,15 @@ pub fn of_elastic_bench(bench: &ElasticBench) -> Result<String, Failure> {
         let points =
             |run: &LevelsRun| run.levels.iter().map(|level| (level.cumulated_ms, level.from_balance)).collect();
         let name = format!("{}, {} triangles", row.example, grouped(row.triangles));
-        series.push(Series { name, color, points: points(&row.multi) });
-        series.push(Series { name: "the same, mesh alone".into(), color, points: points(&row.single) });
+        series.push(Series { name: Some(name), color, points: points(&row.multi) });
+        series.push(Series { name: None, color, points: points(&row.single) });
     }
     Chart {
-        caption: "Nodes that settle level after level",
+        caption: "Nodes that settle level after level; single dots: on the mesh alone",
         x: "milliseconds",
-        y: "error, in extents",
+        y: "farthest from balance, in extents",
         series,
-        names: SeriesLabelPosition::LowerLeft,
+        names: SeriesLabelPosition::UpperRight,
     }
     .svg()
 }
@@ -183,10 +184,10 @@ impl Chart {
         for Series { name, color, points } in &self.series {
             let line = LineSeries::new(points.iter().copied(), color.stroke_width(2));
             let key = *color;
-            chart
-                .draw_series(line)?
-                .label(name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], key.stroke_width(2)));
+            let drawn = chart.draw_series(line)?;
+            if let Some(name) = name {
+                drawn.label(name).legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], key.stroke_width(2)));
+            }
             chart.draw_series(points.iter().map(|point| Circle::new(*point, 3, color.filled())))?;
         }
         chart

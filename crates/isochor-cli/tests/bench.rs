@@ -1,5 +1,5 @@
 //! `isochor bench lattice` and `isochor bench surface`: what is measured is all there, and stands beside the numbers of the
-//! papers.
+//! papers. Also what `isochor bench elastic` has in common with them.
 //!
 //! No test asserts a time.
 
