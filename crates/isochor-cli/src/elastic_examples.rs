@@ -63,7 +63,7 @@ pub fn examples() -> Vec<Example> {
 fn torus_compression(paper: Option<ElasticTimes>, name: &'static str, triangles: usize) -> Example {
     let about =
         "a torus of the radii 1 and 0.4; its upper and lower 3 × 3 nodes are moved 40 % of the way to the middle";
-    let held = |[_, _, k]: [usize; 3], rest: DVec3| (k != 1).then(|| DVec3 { z: 0.6 * rest.z, ..rest });
+    let held = |[_, _, k]: [usize; 3], rest: DVec3| (k != 1).then_some(DVec3 { z: 0.6 * rest.z, ..rest });
     Example::new(Title { paper, name, about }, &torus(triangles), [3; 3], held)
 }
 
