@@ -71,7 +71,9 @@ pub enum Command {
     #[command(after_help = DEFORM_EXAMPLES)]
     Deform(Box<DeformArgs>),
     /// Measure times and memory on this machine.
-    #[command(after_help = "Examples:\n  isochor bench lattice\n  isochor bench surface\n  isochor bench deform")]
+    #[command(
+        after_help = "Examples:\n  isochor bench lattice\n  isochor bench surface\n  isochor bench elastic\n  isochor bench deform"
+    )]
     Bench {
         #[command(subcommand)]
         bench: BenchCommand,
@@ -106,6 +108,11 @@ pub enum BenchCommand {
         after_help = "Examples:\n  isochor bench surface --plot flatten.svg\n  isochor bench surface --quick --json"
     )]
     Surface(BenchSurfaceArgs),
+    /// The tables of the paper about elastic lattices, this machine beside them, and its plots for this machine; takes a minute.
+    #[command(
+        after_help = "Examples:\n  isochor bench elastic --plot convergence.svg\n  isochor bench elastic --quick --json"
+    )]
+    Elastic(BenchElasticArgs),
     /// Whole deformations of files of many sizes: times of all stages, and memory.
     #[command(
         after_help = "Examples:\n  isochor bench deform\n  isochor bench deform --vertices 25000000 --runs 1 --threads 2\n\n\
@@ -130,6 +137,16 @@ pub struct BenchSurfaceArgs {
     #[arg(long)]
     pub quick: bool,
     /// Draw times of flattening against grid cells to an .svg file.
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchElasticArgs {
+    /// Only few runs: seconds instead of a minute, and much noise.
+    #[arg(long)]
+    pub quick: bool,
+    /// Draw how far nodes are from where they end, against time, to an .svg file.
     #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
 }

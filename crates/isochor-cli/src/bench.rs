@@ -3,13 +3,14 @@
 use crate::args::BenchCommand;
 use crate::failure::Failure;
 use crate::terminal::Terminal;
-use crate::{bench_deform, bench_lattice, bench_surface};
+use crate::{bench_deform, bench_elastic, bench_lattice, bench_surface};
 
 /// Runs a measurement; commands that it runs get as many threads as this one.
 pub fn run(bench: &BenchCommand, threads: Option<u16>, terminal: &Terminal) -> Result<(), Failure> {
     match bench {
         BenchCommand::Lattice(args) => bench_lattice::run(args, terminal),
         BenchCommand::Surface(args) => bench_surface::run(args, terminal),
+        BenchCommand::Elastic(args) => bench_elastic::run(args, terminal),
         BenchCommand::Deform(args) => bench_deform::run(args, threads, terminal),
     }
 }

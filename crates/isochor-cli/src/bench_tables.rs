@@ -1,7 +1,9 @@
 //! Measurements as text: tables.
 
+use crate::bench_elastic::{ElasticBench, ElasticRow, LevelRow};
 use crate::bench_lattice::{LatticeBench, ModelRow, Run, StageTime};
 use crate::bench_surface::SurfaceBench;
+use crate::paper::ElasticTimes;
 use crate::stages::Stage;
 use crate::table::{Table, figure, grouped, stated, threads};
 
@@ -211,4 +213,159 @@ fn flattening(bench: &SurfaceBench) -> String {
 /// Cells along both directions.
 fn grid(cells: usize) -> String {
     format!("{cells} × {cells}")
+}
+
+/// All tables of `isochor bench elastic`.
+pub fn of_elastic_bench(bench: &ElasticBench) -> String {
+    let mut tables = vec![of_solver(bench), of_newton(bench)];
+    tables.extend(bench.rows.first().map(|row| of_levels(bench, row)));
+    tables.extend(bench.rows.iter().enumerate().map(|(k, row)| convergence(k, row)));
+    let abouts = bench.rows.iter().map(|row| format!("- {}: {}.\n", row.example, row.about));
+    tables.push(abouts.collect());
+    let times = bench.rows.iter().flat_map(|row| {
+        [&row.single.time, &row.multi.time, &row.newton.time, &row.newton_on_mesh.time, &row.form.setup, &row.form.warm]
+    });
+    tables.push(format!(
+        "{} On {}. HML: {}. It does not state how far nodes are moved, so amounts are chosen here; its figures 5 to 8 are plots without numbers, so none of \
+         them stand here.\n{}",
+        medians(times.map(|time| time.runs)),
+        threads(bench.threads),
+        bench.paper_machine,
+        if bench.quick { quick_note("all examples") } else { String::new() }
+    ));
+    tables.join("\n")
+}
+
+/// HML's table 1.
+fn of_solver(bench: &ElasticBench) -> String {
+    let columns = [
+        "example",
+        "triangles: HML",
+        "here",
+        "T₁, ms: HML",
+        "here",
+        "T₂, ms: HML",
+        "here",
+        "T₁/T₂: HML",
+        "here",
+        "ΔV/V, %: HML",
+        "here",
+        "mesh evaluated: T₁",
+        "T₂",
+    ];
+    let title = "HML, table 1: the paper's solver, from the mesh alone (T₁) and from level to level (T₂)";
+    let mut table = Table::new(title, &columns.map(str::to_owned));
+    for row in &bench.rows {
+        let paper = |number: fn(&ElasticTimes) -> String| row.paper.as_ref().map_or("–".into(), number);
+        table.row(&[
+            row.example.into(),
+            paper(|paper| grouped(paper.triangles)),
+            grouped(row.triangles),
+            paper(|paper| stated(paper.single_ms)),
+            figure(row.single.time.ms),
+            paper(|paper| stated(paper.multi_ms)),
+            figure(row.multi.time.ms),
+            paper(|paper| stated(paper.ratio)),
+            figure(row.single.time.ms / row.multi.time.ms),
+            paper(|paper| stated_percent(paper.volume_error)),
+            figure(1e2 * row.multi.volume_error),
+            grouped(row.single.evaluations),
+            grouped(row.multi.evaluations),
+        ]);
+    }
+    table.into_text()
+}
+
+/// The default solver on HML's examples.
+fn of_newton(bench: &ElasticBench) -> String {
+    let columns = [
+        "example",
+        "one run, ms",
+        "steps",
+        "mesh evaluated",
+        "on the mesh, ms",
+        "steps",
+        "mesh evaluated",
+        "form of all nodes, ms",
+        "handles moved, ms",
+        "steps",
+    ];
+    let mut table = Table::new(
+        "The default solver, exact; volumes from a form of the nodes, and from the mesh",
+        &columns.map(str::to_owned),
+    );
+    for ElasticRow { example, newton, newton_on_mesh, form, .. } in &bench.rows {
+        let mut cells = vec![(*example).into()];
+        for run in [newton, newton_on_mesh] {
+            cells.extend([figure(run.time.ms), grouped(run.steps), grouped(run.evaluations)]);
+        }
+        cells.extend([figure(form.setup.ms), figure(form.warm.ms), grouped(form.steps)]);
+        table.row(&cells);
+    }
+    table.into_text()
+}
+
+/// HML's table 2, of its first example.
+fn of_levels(bench: &ElasticBench, row: &ElasticRow) -> String {
+    let columns = [
+        "triangles",
+        "ΔX, %: HML",
+        "here",
+        "steps: HML",
+        "here",
+        "T, ms: HML",
+        "here",
+        "T cumulated, ms: HML",
+        "here",
+        "σ here",
+    ];
+    let mut table = Table::new("HML, table 2: levels of the torus compression", &columns.map(str::to_owned));
+    for paper in &bench.paper_levels {
+        let here = row.multi.levels.iter().find(|level| level.report.triangles == paper.triangles);
+        let here = |number: fn(&LevelRow) -> String| here.map_or("–".into(), number);
+        table.row(&[
+            grouped(paper.triangles),
+            stated_percent(paper.change),
+            here(|level| figure(1e2 * level.report.change)),
+            grouped(paper.steps),
+            here(|level| grouped(level.report.steps)),
+            stated(paper.ms),
+            here(|level| figure(level.report.milliseconds)),
+            stated(paper.cumulated_ms),
+            here(|level| figure(level.cumulated_ms)),
+            here(|level| figure(level.report.penalty)),
+        ]);
+    }
+    table.into_text()
+}
+
+/// What HML's figures 5 to 8 show, for this machine.
+fn convergence(k: usize, row: &ElasticRow) -> String {
+    /// Of the first example.
+    const FIGURE: usize = 5;
+    let columns = ["triangles", "steps", "T, ms", "T cumulated, ms", "ΔV/V, %", "node error, %", "from balance, %"];
+    let title = match &row.paper {
+        Some(_) => format!("HML, figure {}: {}", FIGURE + k, row.example),
+        None => row.example.into(),
+    };
+    let mut table = Table::new(&title, &columns.map(str::to_owned));
+    let of_single = row.single.levels.iter().map(|level| (" alone", level));
+    for (alone, level) in row.multi.levels.iter().map(|level| ("", level)).chain(of_single) {
+        table.row(&[
+            format!("{}{alone}", grouped(level.report.triangles)),
+            grouped(level.report.steps),
+            figure(level.report.milliseconds),
+            figure(level.cumulated_ms),
+            figure(1e2 * level.report.volume_error),
+            figure(1e2 * level.node_error),
+            figure(1e2 * level.from_balance),
+        ]);
+    }
+    table.into_text()
+}
+
+/// A share as the paper has it, in percent.
+fn stated_percent(share: f64) -> String {
+    // 100 times 0.033 is not 3.3.
+    stated((1e8 * share).round() / 1e6)
 }

@@ -6,6 +6,9 @@
 //!
 //! CO, table 1: B.-Y. Chen, Y. Ono, H. Johan, M. Ishii, T. Nishita, J. Feng, *3D model deformation along a parametric surface*, 2002,
 //! section 4. Its figure 3, time of flattening against the number of grid cells, is a plot without numbers.
+//!
+//! HML, tables 1 and 2: G. Hirota, R. Maheshwari, M. C. Lin, *Fast volume-preserving free form deformation using multi-level optimization*, Solid
+//! Modeling 1999, section 5.2. Its figures 5 to 8, errors of nodes against time, are plots without numbers.
 
 /// What HB computed on.
 pub const MACHINE: &str = "Intel 2.13 GHz, NVIDIA GeForce 8800 GTS";
@@ -120,6 +123,67 @@ pub const SURFACES: [SurfaceTimes; 3] = [
     SurfaceTimes { figure: "Figure 10", polygons: 73_665, cells: 16, flatten_ms: 777.0, deform_ms: 186.2 },
 ];
 
+/// What HML computed on.
+pub const ELASTIC_MACHINE: &str = "SGI Onyx2, 195 MHz R10000";
+
+/// A row of HML's table 1.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ElasticTimes {
+    pub example: &'static str,
+    /// T₁: milliseconds from the mesh alone.
+    pub single_ms: f64,
+    /// T₂: milliseconds from level to level.
+    pub multi_ms: f64,
+    /// T₁/T₂, as it stands there.
+    pub ratio: f64,
+    /// Of the mesh itself.
+    pub triangles: usize,
+    /// By how much the volume is off at the end, relatively.
+    pub volume_error: f64,
+}
+
+/// A row of HML's table 2.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct ElasticLevel {
+    pub triangles: usize,
+    /// ΔX: how far a coordinate of a node moved at most, in extents.
+    pub change: f64,
+    pub steps: usize,
+    pub ms: f64,
+    /// Up to the level's end.
+    pub cumulated_ms: f64,
+}
+
+const fn elastic(
+    example: &'static str,
+    [single_ms, multi_ms, ratio]: [f64; 3],
+    triangles: usize,
+    volume_error: f64,
+) -> ElasticTimes {
+    ElasticTimes { example, single_ms, multi_ms, ratio, triangles, volume_error }
+}
+
+const fn level(triangles: usize, change: f64, steps: usize, [ms, cumulated_ms]: [f64; 2]) -> ElasticLevel {
+    ElasticLevel { triangles, change, steps, ms, cumulated_ms }
+}
+
+/// HML, table 1. Its figures 5 to 8 show these, in the same order.
+pub const ELASTIC_TIMES: [ElasticTimes; 4] = [
+    elastic("Torus compression", [21_000.0, 1760.0, 12.0], 4096, 0.0005),
+    elastic("Torus stretch", [677_400.0, 11_080.0, 61.0], 65_536, 0.0008),
+    elastic("Club partial compression", [40_990.0, 3530.0, 12.0], 16_384, 0.0007),
+    elastic("Cow bending", [15_810.0, 2240.0, 7.0], 5804, 0.0007),
+];
+
+/// HML, table 2: the levels of the first of these.
+pub const ELASTIC_LEVELS: [ElasticLevel; 5] = [
+    level(16, 0.25, 90, [120.0, 120.0]),
+    level(64, 0.079, 15, [60.0, 180.0]),
+    level(256, 0.033, 19, [290.0, 470.0]),
+    level(1024, 0.004, 13, [700.0, 1170.0]),
+    level(4096, 0.0001, 3, [590.0, 1760.0]),
+];
+
 impl Model {
     /// Vertices of a closed surface without handles that has as many triangles. An odd number, which no closed surface has, becomes the
     /// next larger one. Where the paper has no number of faces, it is the paper's number of vertices.
@@ -168,6 +232,29 @@ mod tests {
             assert_eq!((row.figure, &grid[..]), (expected[0].as_str().unwrap(), expected[1].as_str().unwrap()));
             let times = [row.flatten_ms, row.deform_ms];
             assert_eq!(times, [2, 3].map(|column| expected[column].as_f64().unwrap()), "{}", row.figure);
+        }
+    }
+
+    #[test]
+    #[cfg_attr(not(isochor_shared), ignore = "needs the folder of reference models (ISOCHOR_SHARED)")]
+    fn rows_of_elastic_lattices_are_those_of_the_reference_file() {
+        let reference = &reference()["HML"];
+        assert_eq!(reference["table1"]["machine"], ELASTIC_MACHINE);
+        let expected = reference["table1"]["rows"].as_array().unwrap();
+        assert_eq!(expected.len(), ELASTIC_TIMES.len());
+        for (row, expected) in ELASTIC_TIMES.iter().zip(expected) {
+            assert_eq!(
+                (row.example, row.triangles as u64),
+                (expected[0].as_str().unwrap(), expected[4].as_u64().unwrap())
+            );
+            let numbers = [row.single_ms, row.multi_ms, row.ratio, row.volume_error];
+            assert_eq!(numbers, [1, 2, 3, 5].map(|column| expected[column].as_f64().unwrap()), "{}", row.example);
+        }
+        let expected = reference["table2_torus_compression"]["rows"].as_array().unwrap();
+        assert_eq!(expected.len(), ELASTIC_LEVELS.len());
+        for (k, (row, expected)) in ELASTIC_LEVELS.iter().zip(expected).enumerate() {
+            let numbers = [k as f64, row.triangles as f64, row.change, row.steps as f64, row.ms, row.cumulated_ms];
+            assert_eq!(numbers, [0, 1, 2, 3, 4, 5].map(|column| expected[column].as_f64().unwrap()), "level {k}");
         }
     }
 

@@ -1,9 +1,11 @@
-//! HB, figure 9, time against vertices, and CO, figure 3, time against grid cells: drawn as SVG, both axes logarithmic.
+//! HB, figure 9, time against vertices, CO, figure 3, time against grid cells, and HML, figures 5 to 8, error against time: drawn as SVG, both axes
+//! logarithmic.
 
 use std::path::Path;
 
 use plotters::prelude::*;
 
+use crate::bench_elastic::{ElasticBench, LevelsRun};
 use crate::bench_lattice::{LatticeBench, ModelRow};
 use crate::bench_surface::{GridRow, SurfaceBench};
 use crate::failure::Failure;
@@ -11,7 +13,7 @@ use crate::files::Pending;
 use crate::paper;
 use crate::request::has_extension;
 use crate::stages::Stage;
-use crate::table::threads;
+use crate::table::{grouped, threads};
 use crate::terminal::Terminal;
 
 /// Width and height in pixels.
@@ -47,17 +49,21 @@ impl<'a> Plot<'a> {
     }
 }
 
-/// Milliseconds against something.
+/// Something against something.
 struct Chart {
     caption: &'static str,
     /// What is along x.
     x: &'static str,
+    /// And along y.
+    y: &'static str,
     series: Vec<Series>,
+    names: SeriesLabelPosition,
 }
 
-/// A line through points (x, milliseconds).
+/// A line through points (x, y).
 struct Series {
-    name: String,
+    /// `None`: it belongs to the one before.
+    name: Option<String>,
     color: RGBColor,
     points: Vec<(f64, f64)>,
 }
@@ -71,10 +77,13 @@ const NEAREST: RGBColor = RGBColor(150, 110, 20);
 /// For r = 1, 2, 3.
 const REACHES: [RGBColor; 3] = [CPU, ONE_AXIS[0], GPU];
 
+/// For HML's examples.
+const EXAMPLES: [RGBColor; 5] = [CPU, GPU, ONE_AXIS[0], NEAREST, RGBColor(150, 60, 170)];
+
 /// The times of one axis here and in the paper, and of the smallest displacement with all threads.
 pub fn of_lattice_bench(bench: &LatticeBench) -> Result<String, Failure> {
     let paper = |name: &str, color, time: fn(&paper::Times) -> f64| Series {
-        name: name.into(),
+        name: Some(name.into()),
         color,
         points: paper::TABLE_2.iter().map(|row| (row.vertices as f64, time(row))).collect(),
     };
@@ -88,13 +97,13 @@ pub fn of_lattice_bench(bench: &LatticeBench) -> Result<String, Failure> {
     let threads = |run: usize| threads(bench.models[0].runs[run].threads);
     for (run, color) in (0..runs).zip(ONE_AXIS) {
         let name = format!("here, {}", threads(run));
-        series.push(Series { name, color, points: here(run, Stage::Offsets) });
+        series.push(Series { name: Some(name), color, points: here(run, Stage::Offsets) });
     }
     if let Some(last) = runs.checked_sub(1) {
         let name = format!("here, {}, nearest and moved", threads(last));
-        series.push(Series { name, color: NEAREST, points: here(last, Stage::Nearest) });
+        series.push(Series { name: Some(name), color: NEAREST, points: here(last, Stage::Nearest) });
     }
-    Chart { caption: "Volume correction along one axis", x: "vertices", series }.svg()
+    Chart::of_times("Volume correction along one axis", "vertices", series).svg()
 }
 
 /// The times of flattening with all threads.
@@ -105,9 +114,29 @@ pub fn of_surface_bench(bench: &SurfaceBench) -> Result<String, Failure> {
         let Some(last) = row.runs.len().checked_sub(1) else { continue };
         let point = |grid: &GridRow| (grid.cells.pow(2) as f64, grid.reaches[k].runs[last].flatten.ms);
         let name = format!("r = {}, {}", row.reach, threads(row.runs[last].threads));
-        series.push(Series { name, color, points: bench.grids.iter().map(point).collect() });
+        series.push(Series { name: Some(name), color, points: bench.grids.iter().map(point).collect() });
     }
-    Chart { caption: "Flattening a surface", x: "grid cells", series }.svg()
+    Chart::of_times("Flattening a surface", "grid cells", series).svg()
+}
+
+/// How far nodes are from where forces balance, level after level, and where the mesh alone leads.
+pub fn of_elastic_bench(bench: &ElasticBench) -> Result<String, Failure> {
+    let mut series = Vec::new();
+    for (row, color) in bench.rows.iter().zip(EXAMPLES) {
+        let points =
+            |run: &LevelsRun| run.levels.iter().map(|level| (level.cumulated_ms, level.from_balance)).collect();
+        let name = format!("{}, {} triangles", row.example, grouped(row.triangles));
+        series.push(Series { name: Some(name), color, points: points(&row.multi) });
+        series.push(Series { name: None, color, points: points(&row.single) });
+    }
+    Chart {
+        caption: "Nodes that settle level after level; single dots: on the mesh alone",
+        x: "milliseconds",
+        y: "farthest from balance, in extents",
+        series,
+        names: SeriesLabelPosition::UpperRight,
+    }
+    .svg()
 }
 
 /// From the power of ten below the least to that above the largest.
@@ -117,6 +146,11 @@ fn decades(numbers: impl Iterator<Item = f64>) -> std::ops::Range<f64> {
 }
 
 impl Chart {
+    /// Of milliseconds that grow with what is along x.
+    fn of_times(caption: &'static str, x: &'static str, series: Vec<Series>) -> Self {
+        Self { caption, x, y: "milliseconds", series, names: SeriesLabelPosition::UpperLeft }
+    }
+
     fn svg(&self) -> Result<String, Failure> {
         self.drawn().map_err(|error| Failure {
             exit: 2,
@@ -143,22 +177,22 @@ impl Chart {
         chart
             .configure_mesh()
             .x_desc(self.x)
-            .y_desc("milliseconds")
+            .y_desc(self.y)
             .x_label_formatter(&|x| x.to_string())
             .y_label_formatter(&|y| y.to_string())
             .draw()?;
         for Series { name, color, points } in &self.series {
             let line = LineSeries::new(points.iter().copied(), color.stroke_width(2));
             let key = *color;
-            chart
-                .draw_series(line)?
-                .label(name)
-                .legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], key.stroke_width(2)));
+            let drawn = chart.draw_series(line)?;
+            if let Some(name) = name {
+                drawn.label(name).legend(move |(x, y)| PathElement::new([(x, y), (x + 20, y)], key.stroke_width(2)));
+            }
             chart.draw_series(points.iter().map(|point| Circle::new(*point, 3, color.filled())))?;
         }
         chart
             .configure_series_labels()
-            .position(SeriesLabelPosition::UpperLeft)
+            .position(self.names.clone())
             .background_style(WHITE)
             .border_style(BLACK)
             .draw()?;

@@ -1,5 +1,5 @@
 //! `isochor bench lattice` and `isochor bench surface`: what is measured is all there, and stands beside the numbers of the
-//! papers.
+//! papers. Also what `isochor bench elastic` has in common with them.
 //!
 //! No test asserts a time.
 
@@ -207,7 +207,7 @@ fn plots_that_cannot_be_written_are_told_before_anything_is_measured() {
     std::fs::create_dir(folder.path().join("folder.svg")).unwrap();
     let cases =
         [("plot.pdf", "is no .svg file"), ("nowhere/plot.svg", "does not exist"), ("folder.svg", "is a folder")];
-    for of in ["lattice", "surface"] {
+    for of in ["lattice", "surface", "elastic"] {
         for (path, what) in cases {
             let (code, stdout, stderr) = isochor(folder.path(), &["bench", of, "--json", "--plot", path]);
             assert_eq!(code, Some(2), "{stdout} {stderr}");
@@ -229,6 +229,8 @@ fn bad_usage_ends_with_2() {
         (&["bench", "lattice", "model.ply"], "model.ply"),
         (&["bench", "surface", "--plot"], "--plot"),
         (&["bench", "surface", "model.ply"], "model.ply"),
+        (&["bench", "elastic", "--plot"], "--plot"),
+        (&["bench", "elastic", "model.ply"], "model.ply"),
         (&["bench", "lattice", "--quick", "--threads", "0"], "--threads"),
     ] {
         let (code, _, stderr) = isochor(folder.path(), arguments);
