@@ -125,7 +125,7 @@ fn convergence_is_quadratic() {
         // e' ≤ C e² with one C, down to rounding.
         let ratios: Vec<f64> = residuals.windows(2).filter(|r| r[1] > 1e-13).map(|r| r[1] / (r[0] * r[0])).collect();
         println!("{evaluation:?} {residuals:?} {ratios:?}");
-        assert!(ratios.len() >= 1 && ratios.iter().all(|ratio| *ratio < 1.0), "{residuals:?}");
+        assert!(!ratios.is_empty() && ratios.iter().all(|ratio| *ratio < 1.0), "{residuals:?}");
         assert!(residuals.len() <= 6 && *residuals.last().unwrap() < 1e-12, "{residuals:?}");
     }
 }

@@ -8,7 +8,7 @@ use isochor::{
     ElasticReport, Film, Job, JobError, JobInput, Mesh, MomentTargets, OpenBoundaries, Outcome, Solid, Source, shapes,
     topology,
 };
-use numbers::{number, reference};
+use numbers::{number, numbers, reference, vectors};
 
 fn run(mesh: &Mesh, toml: &str) -> Result<Outcome, JobError> {
     let job = Job::from_toml(toml).unwrap_or_else(|error| panic!("{error}"));
@@ -56,6 +56,10 @@ fn the_papers_torus() {
         assert!((elastic.energy_posed / number(&case["E_start"]) - 1.0).abs() < 1e-9);
         assert!((elastic.pressures[0] / number(&case["lambda_opt"]) - 1.0).abs() < 1e-6);
         assert!(outcome.report.correction.max_displacement > 0.1);
+        let (optimum, nodes) = (vectors(&case["X_opt"]), outcome.controls.unwrap().posed);
+        for node in numbers(&case["free_nodes"]).iter().map(|node| *node as usize) {
+            assert!(nodes[node].distance(optimum[node]) < 1e-6, "{net}: node {node}");
+        }
         // The same by the mesh, and nearly the same by HML's own solver.
         let (_, by_mesh) = settled(&mesh, &format!("{LATTICE}{SQUASH}{ELASTIC}{section}levels = 1\n"));
         assert_eq!((elastic.evaluation.as_str(), by_mesh.evaluation.as_str()), ("form", "mesh"));
