@@ -24,8 +24,9 @@ const HEAD: &str = "# Gallery
 Made by `cargo xtask gallery` from the jobs in `examples/jobs` and those of the demo; the numbers of ours are those of the runs. Pictures show the
 model at rest, deformed by the edits, and corrected, all with one camera; here they are smaller than what the commands write. Their colours are
 those of the surface, where a corrected model may still be blue: what was lost there was given back inside. Models along surfaces are at rest on
-the flattened sheet, deformed along the surface, and corrected, all with the lines of the flattening grid. More of colours is on
-[pictures.md](pictures.md), more of HB's figures on [figures.md](figures.md), more of surfaces on [surface.md](surface.md).
+the flattened sheet, deformed along the surface, and corrected, all with the lines of the flattening grid. Nodes that settle are shown with their
+springs; those that are held are orange. More of colours is on [pictures.md](pictures.md), more of HB's figures on [figures.md](figures.md), more of
+surfaces on [surface.md](surface.md).
 ";
 
 /// Jobs of one kind.
@@ -45,7 +46,7 @@ struct Section {
     flags: &'static [&'static str],
 }
 
-const SECTIONS: [Section; 6] = [
+const SECTIONS: [Section; 7] = [
     Section {
         title: "The paper's figures",
         from: "examples/jobs/figures",
@@ -79,6 +80,15 @@ const SECTIONS: [Section; 6] = [
         place: "examples/jobs/surface",
         shown: "examples/jobs/surface",
         prefix: "surface-",
+        before: "",
+        flags: &[],
+    },
+    Section {
+        title: "Elastic",
+        from: "examples/jobs/elastic",
+        place: "examples/jobs/elastic",
+        shown: "examples/jobs/elastic",
+        prefix: "elastic-",
         before: "",
         flags: &[],
     },

@@ -1,5 +1,6 @@
 //! What is drawn of deformations.
 
+use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use isochor::{ColorBy, Faces, Mesh, Outcome, ViewRequest};
@@ -108,9 +109,11 @@ impl FilmPictures {
             ColorBy::Displacement | ColorBy::Plain => None,
         };
         let lattice = match &outcome.controls {
-            Some(controls) => {
-                Some(ShownLattice { size: controls.lattice.size(), controls: controls.posed.clone().into() })
-            }
+            Some(controls) => Some(ShownLattice {
+                size: controls.lattice.size(),
+                controls: controls.posed.clone().into(),
+                springs: outcome.springs().cloned().map(Cow::Owned),
+            }),
             None => outcome.sheet().map(|drawing| ShownLattice::of_surface(drawing.sheet())),
         };
         self.poses.push(ShownPose {

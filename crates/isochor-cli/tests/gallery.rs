@@ -37,6 +37,7 @@ fn the_gallery_says_its_command_and_names_every_job() {
         "examples/jobs/films",
         "examples/jobs/locality",
         "examples/jobs/surface",
+        "examples/jobs/elastic",
         "examples/jobs",
     ] {
         let jobs = files(folder, ".toml");
@@ -59,7 +60,8 @@ fn the_gallery_shows_the_pictures_that_are_there() {
         assert_eq!(&bytes[..start.len()], start, "{name}");
     }
     let total: usize = bytes.iter().map(Vec::len).sum();
-    assert!(total < 4_000_000, "{total} bytes are much to carry in a repository");
+    // Before the nine plates of HML it was 3.9 million.
+    assert!(total < 4_800_000, "{total} bytes are much to carry in a repository");
 }
 
 #[test]

@@ -32,7 +32,11 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         poses.push(ShownPose {
             name: format!("{degrees:.0}°"),
             points: outcome.points.into(),
-            lattice: Some(ShownLattice { size: controls.lattice.size(), controls: controls.posed.into() }),
+            lattice: Some(ShownLattice {
+                size: controls.lattice.size(),
+                controls: controls.posed.into(),
+                springs: None,
+            }),
             volume: outcome.report.volume.map(|volume| volume.overall.corrected),
             volume_change: Some(course.corrected_change.into()),
         });

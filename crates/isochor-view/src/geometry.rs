@@ -2,7 +2,8 @@
 //!
 //! A JSON object: `triangles` (u32, three each), `edges` (u8 for each triangle: bit k is set where the side after corner k is an
 //! edge of a face; null where all are), `up`, `unit`, `center`, `scale`, and `poses` with `points` (f32, three per vertex), `change`
-//! (f32 per vertex, or null) and `lattice` (`size` and `controls`, or null). Arrays are little-endian in base64.
+//! (f32 per vertex, or null) and `lattice` (or null): `size`, `controls`, and of nodes that settle `springs` (u32, two ends each) and `held`
+//! (u8 for each node: 1 where it is held), else null. Arrays are little-endian in base64.
 //!
 //! Positions p are stored as `(p − center) / unit` rounded to f32, `center` the middle of all poses and `unit` the power of
 //! two at or above half their extent. So a model far from the origin does not shake, one of extent 1e-30 can be drawn, and
@@ -42,6 +43,7 @@ pub struct Geometry {
     /// The local volume change at the end of the colour scale; none where no pose has changes.
     pub scale: Option<f64>,
     pub has_lattice: bool,
+    pub has_springs: bool,
 }
 
 impl Geometry {
@@ -59,7 +61,17 @@ impl Geometry {
             }
             if let Some(lattice) = &pose.lattice {
                 let [u, v, w] = lattice.size;
-                assert_eq!(lattice.controls.len(), u * v * w, "control points of the pose {:?}", pose.name);
+                let count = lattice.controls.len();
+                assert_eq!(count, u * v * w, "control points of the pose {:?}", pose.name);
+                if let Some(springs) = &lattice.springs {
+                    assert_eq!(springs.is_held.len(), count, "nodes that are held or not, of the pose {:?}", pose.name);
+                    let is_node = |end: &u32| (*end as usize) < count;
+                    assert!(
+                        springs.ends.as_flattened().iter().all(is_node),
+                        "ends of springs of the pose {:?}",
+                        pose.name
+                    );
+                }
             }
         }
         let is_shown: Vec<bool> =
@@ -92,13 +104,20 @@ impl Geometry {
         let changes: Vec<Option<Vec<f32>>> =
             show.poses.iter().map(|pose| pose.volume_change.as_deref().map(at_places)).collect();
         let scale = scale(changes.iter().flatten().flatten().copied());
-        let mut has_lattice = false;
+        let (mut has_lattice, mut has_springs) = (false, false);
         let mut lattice = |shown: &ShownLattice| {
             let controls = frame.near(&shown.controls);
             let is_finite = controls.as_flattened().iter().all(|x| x.is_finite());
             has_lattice |= is_finite;
             if is_finite {
-                json!({"size": shown.size, "controls": floats(controls.as_flattened())})
+                let springs = shown.springs.as_deref();
+                has_springs |= springs.is_some();
+                json!({
+                    "size": shown.size,
+                    "controls": floats(controls.as_flattened()),
+                    "springs": springs.map(|springs| integers(springs.ends.as_flattened())),
+                    "held": springs.map(|springs| base64(springs.is_held.iter().map(|held| u8::from(*held)))),
+                })
             } else {
                 Value::Null
             }
@@ -117,7 +136,7 @@ impl Geometry {
             "unit": frame.unit,
             "center": frame.center.to_array(),
             "scale": scale,
-            "triangles": base64(kept.iter().flatten().flat_map(|v| v.to_le_bytes())),
+            "triangles": integers(kept.as_flattened()),
             "edges": surface.edges.map(|edges| base64(edges.into_iter())),
             "poses": shown,
         });
@@ -128,6 +147,7 @@ impl Geometry {
             left_out: show.faces.len() - show.faces.iter().filter(is_whole).count(),
             scale,
             has_lattice,
+            has_springs,
         }
     }
 }
@@ -227,6 +247,10 @@ fn scale(changes: impl Iterator<Item = f32>) -> Option<f64> {
 }
 
 fn floats(values: &[f32]) -> String {
+    base64(values.iter().flat_map(|x| x.to_le_bytes()))
+}
+
+fn integers(values: &[u32]) -> String {
     base64(values.iter().flat_map(|x| x.to_le_bytes()))
 }
 

@@ -1,7 +1,8 @@
-//! The bar of a colour scale, with ticks and labels.
+//! The bar of a colour scale, with ticks and labels; and which nodes are held.
 
 use crate::color_scale::{ColorScale, NO_VALUE, Quantity, Tick};
 use crate::image::{Image, Rgb};
+use crate::panel::{CONTROLS, HELD};
 use crate::text::Lettering;
 
 /// Free room between labels, in heights of a line. Larger: fewer labels; smaller: they run into each other.
@@ -67,6 +68,34 @@ impl Legend<'_> {
                 Quantity::Displacement => "no value",
             };
             self.lettering.write(image, meaning, beside);
+        }
+    }
+}
+
+/// What the colours of nodes with springs say, in a line: a square and a word each.
+pub(crate) struct NodeKey {
+    pub(crate) lettering: Lettering,
+}
+
+impl NodeKey {
+    const ENTRIES: [(&'static str, Rgb); 2] = [("held", HELD), ("free", CONTROLS)];
+
+    /// Its height in pixels.
+    pub(crate) fn height(lettering: &Lettering) -> f32 {
+        1.4 * lettering.height
+    }
+
+    /// Draws it, its upper edge's middle at `middle`, `top`.
+    pub(crate) fn draw(&self, image: &mut Image, [middle, top]: [f32; 2]) {
+        let line = self.lettering.height;
+        let (side, gap) = (0.6 * line, 1.2 * line);
+        let widths = Self::ENTRIES.map(|(word, _)| 1.5 * side + self.lettering.width(word));
+        let mut left = middle - (widths[0] + gap + widths[1]) / 2.0;
+        for ((word, color), width) in Self::ENTRIES.into_iter().zip(widths) {
+            let corner = [left, top + (line - side) / 2.0].map(|x| x.round() as isize);
+            image.fill(corner, corner.map(|x| x + side.round() as isize), color);
+            self.lettering.write(image, word, [left + 1.5 * side, top]);
+            left += width + gap;
         }
     }
 }

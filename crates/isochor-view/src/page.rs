@@ -57,8 +57,8 @@ pub struct Figure {
 ///
 /// # Panics
 ///
-/// Panics where the arrays of the show do not fit together: poses with different numbers of points, local changes or control points
-/// of other numbers, a face that names a missing vertex. Faces with a corner that is not finite in some pose are left out, and the page says so.
+/// Panics where the arrays of the show do not fit together: poses with different numbers of points, local changes or control points,
+/// springs or nodes of other numbers, a face that names a missing vertex. Faces with a corner that is not finite in some pose are left out, and the page says so.
 #[must_use]
 pub fn page(contents: &Page) -> String {
     let Page { title, job, report, pictures, show, up } = contents;
@@ -278,6 +278,11 @@ fn viewer(show: &Show, geometry: &Geometry, has_pictures: bool) -> Markup {
                     "Drag to turn, drag with the right button or two fingers to move, pinch to zoom, or click and use the wheel."
                     span.keys {
                         " Keys: arrows, + and −, 0, 1 to " (show.poses.len().min(9)) ", and the first letters of the buttons."
+                    }
+                }
+                @if geometry.has_springs {
+                    span.hint {
+                        "Lines are springs. Nodes in " span.held-key { "orange" } " are held, the others are free."
                     }
                 }
                 @if shown < of {

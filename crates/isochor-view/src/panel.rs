@@ -25,14 +25,17 @@ const INSIDE: Rgb = [219, 164, 120];
 /// colour can be read there.
 const BACK: f64 = 0.6;
 
-/// Lattice lines and control points.
+/// Lattice lines and springs, control points, and nodes that are held while the others settle.
 const LATTICE: Rgb = [46, 62, 92];
-const CONTROLS: Rgb = [28, 64, 140];
+pub(crate) const CONTROLS: Rgb = [28, 64, 140];
+pub(crate) const HELD: Rgb = [247, 170, 30];
 
-/// Width of lattice lines and control points, in pixels of a panel of [`REFERENCE`] pixels. Larger: they cover the
-/// model; smaller: they vanish.
+/// Width of lattice lines, springs, control points, and nodes with springs, in pixels of a panel of [`REFERENCE`] pixels. Larger: they cover the
+/// model; smaller: they vanish, or one cannot see which nodes are held.
 const LINE_WIDTH: f64 = 1.0;
+const SPRING_WIDTH: f64 = 0.7;
 const DOT_WIDTH: f64 = 4.2;
+const NODE_WIDTH: f64 = 5.6;
 const REFERENCE: f64 = 480.0;
 
 /// Of lattices with more control points than this along some axis only the six sides are drawn, with smaller dots.
@@ -40,8 +43,9 @@ const REFERENCE: f64 = 480.0;
 const ROOMY: f64 = 10.0;
 
 /// Strength of lattice lines and control points, nearest and farthest: what is far away is paler. Larger: they cover
-/// the model; smaller: they vanish.
+/// the model; smaller: they vanish. Springs are many.
 const LINE_STRENGTHS: [f64; 2] = [0.58, 0.26];
+const SPRING_STRENGTHS: [f64; 2] = [0.42, 0.16];
 const DOT_STRENGTHS: [f64; 2] = [0.95, 0.55];
 
 /// Part of the strength that is left behind the model. Larger: one cannot tell what is before it; smaller: hidden lines
@@ -72,9 +76,16 @@ struct Prepared<'a> {
     panel: &'a Panel<'a>,
     raster: Raster<'a>,
     normals: Normals<'a>,
+    strokes: Strokes,
+    palette: Palette,
+}
+
+/// What is drawn over the surface.
+#[derive(Default)]
+struct Strokes {
     lines: Vec<Stroke>,
     dots: Vec<Stroke>,
-    palette: Palette,
+    held: Vec<Stroke>,
 }
 
 /// Colours as light.
@@ -85,6 +96,7 @@ struct Palette {
     background: DVec3,
     lattice: DVec3,
     controls: DVec3,
+    held: DVec3,
     /// Of the scale from end to end; empty without a scale.
     shades: Vec<DVec3>,
 }
@@ -99,8 +111,8 @@ impl Panel<'_> {
             || Raster::new(screen, &self.surface.triangles, &seen),
             || Normals::new(self.surface, &seen),
         );
-        let (lines, dots) = self.strokes(&screen);
-        let prepared = Prepared { panel: self, raster, normals, lines, dots, palette: self.palette() };
+        let strokes = self.strokes(&screen);
+        let prepared = Prepared { panel: self, raster, normals, strokes, palette: self.palette() };
         let first = self.rows.start / BAND;
         let bands = parallel::map(self.rows.end.div_ceil(BAND) - first, |band| prepared.pixels(first + band));
         let skipped = (self.rows.start - first * BAND) * self.size[0];
@@ -118,13 +130,14 @@ impl Panel<'_> {
             background: light_of(self.background),
             lattice: light_of(LATTICE),
             controls: light_of(CONTROLS),
+            held: light_of(HELD),
             shades: self.colored.as_ref().map(shades).unwrap_or_default(),
         }
     }
 
-    /// Lines between neighbouring control points, and the control points; of a grid the lines alone.
-    fn strokes(&self, screen: &Screen) -> (Vec<Stroke>, Vec<Stroke>) {
-        let Some(lattice) = self.lattice else { return (Vec::new(), Vec::new()) };
+    /// Lines between neighbouring control points, or springs; the control points; and those that are held. Of a grid the lines alone.
+    fn strokes(&self, screen: &Screen) -> Strokes {
+        let Some(lattice) = self.lattice else { return Strokes::default() };
         let seen: Vec<DVec3> = lattice.controls.iter().map(|c| self.camera.seen(*c)).collect();
         let distances = seen.iter().filter(|c| c.is_finite()).map(|c| -c.z);
         let [near, far] =
@@ -134,27 +147,44 @@ impl Panel<'_> {
             (nearest + (farthest - nearest) * depth) as f32
         };
         let zoom = (self.size[0].min(self.size[1]) as f64 / REFERENCE).max(1.0);
-        let most = lattice.size.into_iter().max().unwrap_or(0);
+        let size = lattice.size;
+        let seen = &seen[..nodes(size, seen.len())];
+        let most = size.into_iter().max().unwrap_or(0);
         let crowd = (ROOMY / most as f64).min(1.0);
-        let is_shown = |place: [usize; 3], along: Option<usize>| {
-            let is_outer =
-                |axis: usize| Some(axis) != along && (place[axis] == 0 || place[axis] + 1 == lattice.size[axis]);
+        // On one of the six sides, both of them.
+        let is_shown = |[a, b]: [[usize; 3]; 2]| {
+            let is_outer = |axis: usize| a[axis] == b[axis] && (a[axis] == 0 || a[axis] + 1 == size[axis]);
             crowd == 1.0 || (0..3).any(is_outer)
         };
-        let line = |(place, axis, [a, b]): ([usize; 3], usize, [usize; 2])| {
+        let line = |[a, b]: [usize; 2], width: f64, strengths: [f64; 2]| {
             let ends = [*seen.get(a)?, *seen.get(b)?];
-            let strength = strength(LINE_STRENGTHS, (ends[0] + ends[1]) / 2.0);
-            is_shown(place, Some(axis)).then(|| Stroke::line(screen, ends, zoom * LINE_WIDTH, strength))?
+            let strength = strength(strengths, (ends[0] + ends[1]) / 2.0);
+            is_shown([a, b].map(|node| place(size, node)))
+                .then(|| Stroke::line(screen, ends, zoom * width, strength))?
         };
-        let dot = |node: usize| {
+        let dot = |node: usize, width: f64| {
             let strength = strength(DOT_STRENGTHS, seen[node]);
-            let width = zoom * (DOT_WIDTH * crowd).max(2.0 * LINE_WIDTH);
-            is_shown(place(lattice.size, node), None).then(|| Stroke::dot(screen, seen[node], width, strength))?
+            let width = zoom * (width * crowd).max(2.0 * LINE_WIDTH);
+            is_shown([place(size, node); 2]).then(|| Stroke::dot(screen, seen[node], width, strength))?
         };
-        let [u, v, w] = lattice.size;
+        if let Some(springs) = &lattice.springs {
+            let spring = |[a, b]: &[u32; 2]| line([*a as usize, *b as usize], SPRING_WIDTH, SPRING_STRENGTHS);
+            let is_held = |node: usize| springs.is_held.get(node) == Some(&true);
+            let (held, free): (Vec<usize>, Vec<usize>) = (0..seen.len()).partition(|node| is_held(*node));
+            let dots = |nodes: Vec<usize>| nodes.into_iter().filter_map(|node| dot(node, NODE_WIDTH)).collect();
+            return Strokes {
+                lines: springs.ends.iter().filter_map(spring).collect(),
+                dots: dots(free),
+                held: dots(held),
+            };
+        }
+        let [u, v, w] = size;
         let is_grid = u > 1 && v > 1 && w == 1;
-        let nodes = if is_grid { 0 } else { nodes(lattice.size, seen.len()) };
-        (edges(lattice.size, seen.len()).filter_map(line).collect(), (0..nodes).filter_map(dot).collect())
+        Strokes {
+            lines: edges(size, seen.len()).filter_map(|ends| line(ends, LINE_WIDTH, LINE_STRENGTHS)).collect(),
+            dots: (0..if is_grid { 0 } else { seen.len() }).filter_map(|node| dot(node, DOT_WIDTH)).collect(),
+            held: Vec::new(),
+        }
     }
 }
 
@@ -168,14 +198,13 @@ fn place(size: [usize; 3], node: usize) -> [usize; 3] {
     [node / size[1].saturating_mul(size[2]), node / size[2] % size[1], node % size[2]]
 }
 
-/// Neighbours in a lattice of which `controls` positions are known: index of the first of both along u, v, w, the axis
-/// along which the second is the next, and both. The second may be one whose position is not known.
-fn edges(size: [usize; 3], controls: usize) -> impl Iterator<Item = ([usize; 3], usize, [usize; 2])> {
+/// Neighbours along u, v or w in a lattice of which `controls` positions are known. The second may be one whose position is not known.
+fn edges(size: [usize; 3], controls: usize) -> impl Iterator<Item = [usize; 2]> {
     let strides = [size[1].saturating_mul(size[2]), size[2], 1];
     (0..nodes(size, controls)).flat_map(move |node| {
         let place = place(size, node);
         let axes = (0..3).filter(move |&axis| place[axis] + 1 < size[axis]);
-        axes.map(move |axis| (place, axis, [node, node.saturating_add(strides[axis])]))
+        axes.map(move |axis| [node, node.saturating_add(strides[axis])])
     })
 }
 
@@ -184,8 +213,9 @@ impl Prepared<'_> {
     fn pixels(&self, band: usize) -> Vec<Rgb> {
         let screen = &self.raster.screen;
         let depths = self.raster.depths(band);
-        let lines = ink::strengths(screen, band, &self.lines, &depths, HIDDEN);
-        let dots = ink::strengths(screen, band, &self.dots, &depths, HIDDEN);
+        let Strokes { lines, dots, held } = &self.strokes;
+        let [lines, dots, held] =
+            [lines, dots, held].map(|strokes| ink::strengths(screen, band, strokes, &depths, HIDDEN));
         let rows = screen.rows(band);
         let mut brush = Brush::new(self);
         let mut pixels = Vec::with_capacity(rows.len() / SAMPLES * screen.size[0]);
@@ -197,7 +227,13 @@ impl Prepared<'_> {
                 let light = brush.lights(samples.map(|sample| depths.triangle[sample]), [left, top]);
                 let inked = |(sample, light): (usize, DVec3)| {
                     let lined = light.lerp(self.palette.lattice, f64::from(lines[sample]));
-                    lined.lerp(self.palette.controls, f64::from(dots[sample]))
+                    // The nearer of two nodes is the stronger.
+                    let (ink, color) = if held[sample] > dots[sample] {
+                        (held[sample], self.palette.held)
+                    } else {
+                        (dots[sample], self.palette.controls)
+                    };
+                    lined.lerp(color, f64::from(ink))
                 };
                 let sum: DVec3 = samples.into_iter().zip(light).map(inked).sum();
                 pixels.push(color_of(sum / samples.len() as f64));
@@ -329,7 +365,7 @@ mod tests {
             let count = (l - 1) * m * n + l * (m - 1) * n + l * m * (n - 1);
             assert_eq!(edges([l, m, n], l * m * n).count(), count);
         }
-        let pairs = edges([2, 1, 2], 4).map(|(_, _, pair)| pair);
+        let pairs = edges([2, 1, 2], 4);
         assert_eq!(pairs.collect::<Vec<_>>(), [[0, 2], [0, 1], [1, 3], [2, 3]]);
     }
 

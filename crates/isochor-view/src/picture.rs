@@ -8,9 +8,9 @@ use isochor::Bounds;
 use crate::camera::{Camera, View};
 use crate::color_scale::ColorScale;
 use crate::image::{Image, Rgb};
-use crate::legend::Legend;
+use crate::legend::{Legend, NodeKey};
 use crate::panel::{Panel, is_inside_out};
-use crate::show::{Show, ShownPose};
+use crate::show::{Show, ShownLattice, ShownPose};
 use crate::surface::Surface;
 use crate::text::Lettering;
 use crate::{number, parallel};
@@ -211,9 +211,14 @@ impl<'a> Scene<'a> {
         (is_colored.then_some(scale), with_no_value)
     }
 
+    /// What is drawn of the lattice of a pose.
+    fn lattice(&self, pose: usize) -> Option<&ShownLattice<'a>> {
+        self.show.poses[pose].lattice.as_ref().filter(|_| self.options.with_lattice)
+    }
+
     /// The picture of a pose, without words.
     fn panel(&self, pose: usize) -> Image {
-        let ShownPose { points, lattice, .. } = &self.show.poses[pose];
+        let points = &self.show.poses[pose].points;
         let values = self.values(pose);
         let places = self.scale.zip(values).map(|(scale, values)| {
             (parallel::collect(values.len(), |v| scale.place(values[v]).unwrap_or(f64::NAN)), scale)
@@ -222,7 +227,7 @@ impl<'a> Scene<'a> {
             surface: &self.surface,
             points,
             colored: places.as_ref().map(|(places, scale)| (&places[..], *scale)),
-            lattice: lattice.as_ref().filter(|_| self.options.with_lattice),
+            lattice: self.lattice(pose),
             camera: &self.camera,
             size: self.size,
             rows: self.rows.clone(),
@@ -238,9 +243,11 @@ impl<'a> Scene<'a> {
         let rows = poses.len().div_ceil(columns).max(1);
         let [across, down] = [self.size[0] + page.gap, self.rows.len() + page.caption];
         let title = if self.options.title.is_some() { page.title } else { 0 };
+        let has_springs = poses.iter().filter_map(|pose| self.lattice(*pose)).any(|lattice| lattice.springs.is_some());
+        let key = if has_springs { page.key } else { 0 };
         let legend = if self.scale.is_some() { page.legend } else { 0 };
         let width = 2 * page.margin + columns * across - page.gap;
-        let height = 2 * page.margin + title + rows * down + legend;
+        let height = 2 * page.margin + title + rows * down + key + legend;
         let mut image = Image::filled(width, height, self.options.background);
         let middle = width as f32 / 2.0;
         if let Some(title) = &self.options.title {
@@ -259,11 +266,14 @@ impl<'a> Scene<'a> {
             let volume = volume_text(pose.volume, first.filter(|_| index > 0));
             page.plain.write_centered(&mut image, &volume, [middle, below], self.size[0] as f32);
         }
+        let below = page.margin + title + rows * down;
+        if has_springs {
+            NodeKey { lettering: page.plain }.draw(&mut image, [middle, below as f32]);
+        }
         if let Some(scale) = &self.scale {
             let legend =
                 Legend { scale, lettering: page.plain, with_no_value: self.with_no_value, frame: page.plain.color };
-            let top = (page.margin + title + rows * down) as f32;
-            legend.draw(&mut image, [middle, top], page.bar.min(width as f32 * 0.7));
+            legend.draw(&mut image, [middle, (below + key) as f32], page.bar.min(width as f32 * 0.7));
         }
         image
     }
@@ -314,6 +324,7 @@ struct Page {
     gap: usize,
     title: usize,
     caption: usize,
+    key: usize,
     legend: usize,
     bar: f32,
     heading: Lettering,
@@ -337,6 +348,7 @@ impl Page {
             gap: pixels(0.8),
             title: pixels(2.0),
             caption: pixels(2.8),
+            key: NodeKey::height(&plain).round() as usize,
             legend: pixels(0.4) + Legend::height(&plain).round() as usize,
             bar: 22.0 * em,
             heading: lettering(1.4, true, strong),

@@ -1,7 +1,10 @@
 //! A job in words, for people who did not write it.
 
 use glam::DVec3;
-use isochor::{Amount, Axis, Edit, Factors, Job, LengthUnit, Objective, RotationAxis, SignedAxis, VolumeTarget};
+use isochor::{
+    Amount, Axis, CenterOfMass, Continuity, Edit, ElasticRequest, Factors, Hold, Inertia, Job, LengthUnit, MethodKind,
+    Net, Objective, RotationAxis, SignedAxis, VolumeTarget,
+};
 
 use crate::digits::significant;
 
@@ -17,6 +20,9 @@ pub fn phrases(text: &str) -> Vec<String> {
     phrases.extend(job.edit.iter().map(edit));
     phrases.push(volume(&job.preserve.volume));
     let preserve = &job.preserve;
+    if preserve.method == Some(MethodKind::Elastic) {
+        phrases.extend(elastic(&job.elastic.clone().unwrap_or_default()));
+    }
     match preserve.objective {
         Objective::Controls => {}
         other => phrases.push(format!("the correction keeps “{}” small", other.name())),
@@ -33,6 +39,34 @@ pub fn phrases(text: &str) -> Vec<String> {
         points => phrases.push(format!("{points} vertices come to exact places")),
     }
     phrases
+}
+
+/// How nodes settle.
+fn elastic(request: &ElasticRequest) -> Vec<String> {
+    let net = match request.net {
+        Net::TwentySix => "springs along edges and all diagonals of cells",
+        Net::Fourteen => "springs along edges and diagonals through cells",
+        Net::FourteenKuhn => "springs along edges of tetrahedra, six in a cell",
+    };
+    let hold = match request.hold {
+        Hold::Edited => "control points that the edits move are held, the others settle",
+        Hold::Nodes(_) => "some control points are held, the others settle",
+    };
+    let continuity = request.continuity.map(|continuity| match continuity {
+        Continuity::C0 => "the border of the lattice stays, so that nothing tears there",
+        Continuity::C1 => "the border of the lattice stays, so that there are no kinks there",
+        Continuity::C2 => "the border of the lattice stays, so that curvatures are continuous there",
+    });
+    let center = request.center_of_mass.map(|center| match center {
+        CenterOfMass::Keep => "the centre of mass stays".into(),
+        CenterOfMass::At(center) => format!("the centre of mass comes to {}", vector(center)),
+    });
+    let inertia = request.inertia.map(|inertia| match inertia {
+        Inertia::Keep => "the inertia tensor stays",
+        Inertia::Tensor(_) => "the inertia tensor becomes a given one",
+    });
+    let words = [Some(net), Some(hold), continuity].into_iter().flatten().map(String::from);
+    words.chain(center).chain(inertia.map(String::from)).collect()
 }
 
 fn edit(edit: &Edit) -> String {
@@ -153,6 +187,33 @@ mod tests {
                 "some control points are pinned",
             ]
         );
+    }
+
+    #[test]
+    fn settling_is_told() {
+        let job = |elastic: &str| phrases(&format!("[preserve]\nmethod = \"elastic\"\n[elastic]\n{elastic}"));
+        assert_eq!(
+            job(""),
+            [
+                "keep the volume exactly",
+                "springs along edges and all diagonals of cells",
+                "control points that the edits move are held, the others settle",
+            ]
+        );
+        assert_eq!(
+            job(
+                "net = \"14\"\nhold = { i = [0, 4] }\ncontinuity = \"c1\"\ncenter_of_mass = [1, 0, -2]\ninertia = \"keep\""
+            )[1..],
+            [
+                "springs along edges and diagonals through cells",
+                "some control points are held, the others settle",
+                "the border of the lattice stays, so that there are no kinks there",
+                "the centre of mass comes to (1, 0, −2)",
+                "the inertia tensor stays",
+            ]
+        );
+        assert_eq!(job("center_of_mass = \"keep\"").last().unwrap(), "the centre of mass stays");
+        assert_eq!(phrases("[preserve]\nmethod = \"nearest\""), ["keep the volume exactly"]);
     }
 
     #[test]

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use glam::DVec3;
-use isochor::{Course, Faces, Mesh, Outcome, Sheet};
+use isochor::{Course, Faces, Mesh, Outcome, Sheet, SpringDrawing};
 
 /// Poses of one model.
 #[derive(Clone, Debug)]
@@ -36,6 +36,8 @@ pub struct ShownLattice<'a> {
     pub size: [usize; 3],
     /// Positions (#controls × 3), model coordinates.
     pub controls: Cow<'a, [DVec3]>,
+    /// Of nodes that settle: the springs, which are drawn instead of the lattice's edges, and which nodes are held.
+    pub springs: Option<Cow<'a, SpringDrawing>>,
 }
 
 impl ShownLattice<'static> {
@@ -58,7 +60,7 @@ impl ShownLattice<'static> {
 
     fn of_grid(sheet: &Sheet, points: Vec<DVec3>) -> Self {
         let [m, n] = sheet.cells();
-        Self { size: [m + 1, n + 1, 1], controls: points.into() }
+        Self { size: [m + 1, n + 1, 1], controls: points.into(), springs: None }
     }
 }
 
@@ -80,7 +82,11 @@ impl<'a> Show<'a> {
         let controls = outcome.controls.as_ref();
         let sheet = outcome.sheet().map(|drawing| drawing.sheet());
         let lattice = |positions: &'a [DVec3]| match controls {
-            Some(c) => Some(ShownLattice { size: c.lattice.size(), controls: positions.into() }),
+            Some(c) => Some(ShownLattice {
+                size: c.lattice.size(),
+                controls: positions.into(),
+                springs: outcome.springs().map(Cow::Borrowed),
+            }),
             None => sheet.map(ShownLattice::of_surface),
         };
         // A lattice round a model that went along a surface was never at rest with it.

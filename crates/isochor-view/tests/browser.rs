@@ -402,6 +402,35 @@ fn a_model_is_not_lost_in_a_lattice_that_is_far_larger() {
     assert!(seen["now"]["drawn"].as_f64() > Some(0.05), "{seen}");
 }
 
+/// The springs of a net are more than the edges of its lattice, and held nodes are orange: what is drawn has more red than where none is held.
+#[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
+#[test]
+fn springs_and_held_nodes_are_drawn() {
+    let run = Story::settled().run();
+    let seen = |held: bool| {
+        let mut show = run.show();
+        for pose in &mut show.poses {
+            let springs = pose.lattice.as_mut().unwrap().springs.as_mut().unwrap();
+            springs.to_mut().is_held.iter_mut().for_each(|is_held| *is_held &= held);
+        }
+        let contents = Page {
+            title: "cube".into(),
+            job: None,
+            report: &run.outcome.report,
+            pictures: Vec::new(),
+            show: Some(&show),
+            up: Axis::Z,
+        };
+        let toggle = "{ press(\"[data-toggle='colour']\"); const now = seen(); press(\"[data-toggle='lattice']\"); return { now, bare: seen() }; }";
+        told_well(&page(&contents), toggle)
+    };
+    let (held, free) = (seen(true), seen(false));
+    assert_ne!(held["now"]["hash"], held["bare"]["hash"]);
+    assert_eq!(held["bare"]["hash"], free["bare"]["hash"]);
+    let [more, less] = [&held, &free].map(|seen| seen["now"]["red"].as_f64().unwrap());
+    assert!(more > less, "{more} and {less}");
+}
+
 /// Stretched, a cube gains volume everywhere; squashed, it loses it.
 #[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]

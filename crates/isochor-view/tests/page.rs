@@ -216,11 +216,31 @@ fn the_embedded_geometry_is_that_of_the_model() {
             }
             None => assert!(embedded["change"].is_null()),
         }
-        let ShownLattice { size, controls } = pose.lattice.as_ref().unwrap();
+        let ShownLattice { size, controls, .. } = pose.lattice.as_ref().unwrap();
         assert_eq!(embedded["lattice"]["size"], serde_json::json!(size));
         let expected: Vec<f32> = controls.iter().flat_map(near).collect();
         assert_eq!(single(&embedded["lattice"]["controls"]), expected);
     }
+}
+
+#[test]
+fn springs_and_held_nodes_are_in_the_page() {
+    let run = Story::settled().run();
+    let show = run.show();
+    let html = parsed(&page(&with_show(&run.outcome.report, &show)));
+    let springs = run.outcome.springs().unwrap();
+    for pose in geometry(&html)["poses"].as_array().unwrap() {
+        assert_eq!(whole(&pose["lattice"]["springs"]), springs.ends.as_flattened());
+        // Of three layers along k the outer ones are edited.
+        assert_eq!(bytes(&pose["lattice"]["held"]), [1, 0, 1].repeat(9));
+    }
+    assert!(text(&html, ".hint").contains("Nodes in orange are held"));
+    let run = Story::twisted_cube().run();
+    let show = run.show();
+    let html = parsed(&page(&with_show(&run.outcome.report, &show)));
+    let lattice = &geometry(&html)["poses"][0]["lattice"];
+    assert!(lattice["springs"].is_null() && lattice["held"].is_null());
+    assert!(!text(&html, ".hint").contains("springs"));
 }
 
 /// A square's fan (0 1 2)(0 2 3) has the diagonal as its last side, then as its first.

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use isochor::{Faces, Job, JobInput, Mesh, Source, shapes};
+use isochor::{Faces, Job, JobInput, Mesh, Source, SpringDrawing, shapes};
 use isochor_view::{
     Camera, Coloring, Image, NO_VALUE, PictureOptions, Rgb, Show, ShownLattice, ShownPose, StripOptions, frames,
     picture, strip,
@@ -43,7 +43,7 @@ fn lattice(size: [usize; 3], low: DVec3, high: DVec3) -> ShownLattice<'static> {
         let at = [c / (size[1] * size[2]), c / size[2] % size[1], c % size[2]];
         low + (high - low) * DVec3::from_array(std::array::from_fn(|axis| part(at[axis], size[axis])))
     });
-    ShownLattice { size, controls: nodes.collect() }
+    ShownLattice { size, controls: nodes.collect(), springs: None }
 }
 
 /// Poses of a deformed ball, with all that a pose can have.
@@ -322,6 +322,65 @@ fn models_along_surfaces_are_shown_with_the_grid_of_the_surface() {
     });
 }
 
+/// A lattice with springs along its diagonal and to its second node, the nodes of `held` held.
+fn with_springs(held: &[usize]) -> ShownLattice<'static> {
+    let lattice = lattice([2, 2, 2], DVec3::ZERO, DVec3::ONE);
+    let springs = SpringDrawing { ends: vec![[0, 7], [0, 1]], is_held: (0..8).map(|c| held.contains(&c)).collect() };
+    ShownLattice { springs: Some(Cow::Owned(springs)), ..lattice }
+}
+
+#[test]
+fn springs_are_drawn_instead_of_edges_and_held_nodes_differ() {
+    let faces = Faces::new();
+    let drawn = |lattice: ShownLattice<'static>| {
+        let mut show = show(&faces, &[]);
+        show.poses[0].lattice = Some(lattice);
+        let with = picture(&show, &PictureOptions::default());
+        show.poses[0].lattice.as_mut().unwrap().controls.to_mut()[0] = DVec3::NAN;
+        (with, picture(&show, &PictureOptions::default()))
+    };
+    // Without its first node no spring is left, and there are seven dots. With it: the two springs, whose lines are pale.
+    let is_line = |[r, g, b]: &Rgb| r.abs_diff(*b) < 60 && *r < 250 && *g < 250;
+    let rows = |image: &Image| image.pixels().len() * 9 / 10; // without the key at the bottom
+    let lines = |image: &Image| image.pixels()[..rows(image)].iter().filter(|p| is_line(p)).count();
+    let (springs, without) = drawn(with_springs(&[]));
+    let (edges, _) = drawn(lattice([2, 2, 2], DVec3::ZERO, DVec3::ONE));
+    assert!(lines(&without) < lines(&springs) && 2 * lines(&springs) < lines(&edges));
+    // Held nodes are orange, free ones are blue, in the key as well.
+    let count = |held: &[usize], is_of_color: fn(i32, i32) -> bool| {
+        let (image, _) = drawn(with_springs(held));
+        image.pixels().iter().filter(|[r, _, b]| is_of_color(i32::from(*r), i32::from(*b))).count()
+    };
+    let (orange, blue): (fn(i32, i32) -> bool, fn(i32, i32) -> bool) = (|r, b| r - b > 90, |r, b| b - r > 60);
+    let [none, four, all] =
+        [&[][..], &[0, 1, 2, 3], &[0, 1, 2, 3, 4, 5, 6, 7]].map(|held| [count(held, orange), count(held, blue)]);
+    assert!(0 < none[0] && none[0] < four[0] && four[0] < all[0], "{none:?} {four:?} {all:?}");
+    assert!(none[1] > four[1] && four[1] > all[1] && all[1] > 0, "{none:?} {four:?} {all:?}");
+    // Without lattices there is no key.
+    let mut show = show(&faces, &[]);
+    let plain = PictureOptions { with_lattice: false, ..PictureOptions::default() };
+    let bare = picture(&show, &plain);
+    show.poses[0].lattice = Some(with_springs(&[0]));
+    assert_eq!(picture(&show, &plain), bare);
+}
+
+#[test]
+fn jobs_whose_nodes_settle_are_shown_with_their_springs() {
+    let mesh = shapes::cube(2);
+    let job = "[lattice]\nbasis = 'bernstein'\nsize = 3\n[[edit]]\nscale = { by = [1, 1, 0.6], nodes = { k = [0, 2] } }\n[preserve]\nmethod = 'elastic'\n";
+    let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+    let outcome = Job::from_toml(job).unwrap().run(&input, &mut |_stage| {}).unwrap();
+    let course = outcome.course();
+    let show = Show::of_job(&mesh, &outcome, course.as_ref());
+    assert_eq!(show.poses.len(), 3);
+    for pose in &show.poses {
+        let springs = pose.lattice.as_ref().unwrap().springs.as_ref().unwrap();
+        // 3 · 18 edges, 6 · 12 diagonals of faces and 4 · 8 of cells; the lower and the upper nodes were edited.
+        assert_eq!(springs.ends.len(), 158);
+        assert!(springs.is_held.iter().enumerate().all(|(node, held)| *held == (node % 3 != 1)));
+    }
+}
+
 #[test]
 fn of_crowded_lattices_the_sides_are_drawn() {
     // The same picture whether the control points inside have places or not: they are not drawn.
@@ -330,7 +389,7 @@ fn of_crowded_lattices_the_sides_are_drawn() {
     let whole = lattice(size, DVec3::splat(-0.2), DVec3::splat(1.2));
     let is_inner = |c: usize| (0..3).all(|a| (1..size[a] - 1).contains(&[c / 16, c / 4 % 4, c % 4][a]));
     let hollow = whole.controls.iter().enumerate().map(|(c, p)| if is_inner(c) { DVec3::NAN } else { *p });
-    let hollow = ShownLattice { size, controls: hollow.collect() };
+    let hollow = ShownLattice { size, controls: hollow.collect(), springs: None };
     let drawn = |lattice: ShownLattice<'static>| {
         let mut show = show(mesh.faces(), mesh.points());
         show.poses[0].lattice = Some(lattice);
@@ -350,8 +409,11 @@ fn lattices_that_lie_or_are_broken_do_no_harm() {
         ([usize::MAX; 3], vec![DVec3::ZERO, DVec3::ONE]),
     ] {
         let mut show = show(mesh.faces(), mesh.points());
-        show.poses[0].lattice = Some(ShownLattice { size, controls: controls.into() });
-        assert!(inked(&picture(&show, &small())) > 500, "{size:?}");
+        let springs = SpringDrawing { ends: vec![[0, 1], [7, u32::MAX], [1, 1]], is_held: vec![true] };
+        for springs in [None, Some(Cow::Owned(springs))] {
+            show.poses[0].lattice = Some(ShownLattice { size, controls: controls.clone().into(), springs });
+            assert!(inked(&picture(&show, &small())) > 500, "{size:?}");
+        }
     }
 }
 

@@ -61,6 +61,14 @@ impl BuiltIn {
             mesh: |n| shapes::chain(5, n, n / 2),
         },
         Self {
+            name: "club",
+            about: "a rounded club 6 long: a sphere in a lattice",
+            counts: "triangles at least",
+            usual: 16_384,
+            range: 64..=8_000_000,
+            mesh: shapes::club,
+        },
+        Self {
             name: "cube",
             about: "the unit cube",
             counts: "squares along every edge",

@@ -207,7 +207,7 @@ pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use locate::LocateError;
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use moments::Moments;
-pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice, Stage};
+pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice, SpringDrawing, Stage};
 pub use parametric_solid::{GaussVolume, LEAST_TRIANGLES, ParametricSolid, ParametricSolidError};
 pub use patch::Patch;
 pub use placement::{Beyond, Height, HeightWord, Placed, Placement, PlacementError, SheetFit};

@@ -131,6 +131,16 @@ pub struct Outcome {
     body: Option<Arc<Body>>,
     deformation: Option<Deformation>,
     along: Option<Along>,
+    springs: Option<SpringDrawing>,
+}
+
+/// The springs of a job with the method "elastic": what pictures show of them.
+#[derive(Clone, Debug, PartialEq, Eq)]
+pub struct SpringDrawing {
+    /// The nodes at the ends of each: flat indices of control points.
+    pub ends: Vec<[u32; 2]>,
+    /// Which nodes have no free coordinate (#nodes); the others settled.
+    pub is_held: Vec<bool>,
 }
 
 /// A lattice deformation, relative to the job's origin.
@@ -552,6 +562,7 @@ impl Job {
                 body,
                 deformation: None,
                 along: None,
+                springs: None,
             });
         }
 
@@ -604,7 +615,7 @@ impl Job {
 
         on_stage(Stage::Correct);
         let (volume, correction, kept);
-        let mut elastic = None;
+        let (mut elastic, mut springs) = (None, None);
         if let Some(request) = &elastic_request {
             let body = body?;
             if let (OpenBoundaries::Refuse, Some(opening)) = (self.preserve.open, opening) {
@@ -636,7 +647,7 @@ impl Job {
                 points: self.points(&wanted_points, &binding, &rest_points, origin)?,
                 moments: None,
             };
-            let (settled, settled_report) = task.settled(wanted, origin).map_err(|error| match error {
+            let (settled, settled_report, drawing) = task.settled(wanted, origin).map_err(|error| match error {
                 JobError::Correct(error) => JobError::of_correction(error, &wishes, &wanted_points, false),
                 other => other,
             })?;
@@ -649,7 +660,7 @@ impl Job {
             let end = Volumes { total: settled.correction.volume, components: settled.correction.component_volumes };
             volume =
                 Some(if goals.is_empty() { body.free_rows(&points) } else { body.rows(&posed_volumes, &end, &goals) });
-            elastic = Some(settled_report);
+            (elastic, springs) = (Some(settled_report), Some(drawing));
             kept = Some(body);
         } else if self.preserve.volume == VolumeTarget::Free {
             kept = body.ok();
@@ -737,6 +748,7 @@ impl Job {
                 rest_controls: controls.rest,
             }),
             along: None,
+            springs,
         })
     }
 
@@ -835,7 +847,7 @@ impl Job {
             peak_memory: None,
             warnings,
         };
-        Ok(Outcome { points, controls: None, report, body: kept, deformation: None, along: Some(along) })
+        Ok(Outcome { points, controls: None, report, body: kept, deformation: None, along: Some(along), springs: None })
     }
 
     /// The wanted volumes of a body that stood at `rest` and now, at `points`, has the volumes `posed`.
@@ -1011,6 +1023,12 @@ impl Outcome {
     #[must_use]
     pub fn sheet(&self) -> Option<SheetDrawing<'_>> {
         self.along.as_ref().map(Along::drawing)
+    }
+
+    /// The springs and the held nodes, of a job with the method "elastic".
+    #[must_use]
+    pub fn springs(&self) -> Option<&SpringDrawing> {
+        self.springs.as_ref()
     }
 
     /// Jacobian matrices ∂(deformed)/∂(rest) at each vertex (#vertices), which carry normals. `None` where the job

@@ -9,6 +9,7 @@ use std::f64::consts::{PI, TAU};
 use glam::{DMat3, DVec2, DVec3};
 
 use crate::mesh::{Faces, Mesh};
+use crate::parametric_solid::ParametricSolid;
 
 /// The unit cube [0, 1]³ with `n` × `n` squares on each side: 6n² + 2 vertices, 6n² faces, volume 1.
 ///
@@ -359,6 +360,17 @@ fn dolphin_section(x: f64) -> [f64; 3] {
     let (tail, flukes) = (step(x, 1.2, 2.6), step(x, 2.55, 2.9));
     let fin = step(x, 1.1, 1.5) * (1.0 - step(x, 1.5, 1.7));
     [0.34 * body * (1.0 - 0.82 * tail) + 0.45 * flukes, 0.38 * body * (1.0 - 0.82 * tail) - 0.04 * flukes, 0.8 * fin]
+}
+
+/// HML's rounded club, [`ParametricSolid::club`], as a mesh of at least so many triangles: 4m (m − 1) with 2m (m − 1) + 2 vertices, m the least that
+/// will do, and at least 5. The volume tends to that of the smooth club with the reciprocal of the number of triangles.
+///
+/// # Panics
+///
+/// Panics where there are more triangles than can be numbered.
+#[must_use]
+pub fn club(triangles: usize) -> Mesh {
+    ParametricSolid::club().sampled(triangles).expect("a number of triangles")
 }
 
 /// 0 up to `from`, 1 from `to` on, and `t² (3 − 2t)` between.

@@ -1,4 +1,4 @@
-//! The figures of HB and CO as jobs, and the films: they lose what the paper says, and get back their volumes.
+//! The figures of HB and CO and the plates of HML as jobs, and the films: they lose what the paper says, and get back their volumes.
 
 #![cfg(feature = "serde")]
 
@@ -350,4 +350,59 @@ fn the_dolphin_swims_in_a_loop() {
             assert!(p.distance(DVec3::new(3.3 * u - 1.65, 0.0, z)) < 1e-4, "frame {frame}: {p}");
         }
     }
+}
+
+#[test]
+fn plates_settle_with_their_volumes() {
+    let folder = folder("elastic");
+    let names = jobs_in(&folder);
+    assert_eq!(names.join(" "), "center plate-1 plate-2 plate-3 plate-4 plate-5 plate-6a plate-6b plate-7");
+    let mut energies = Vec::new();
+    for name in &names {
+        let panel = Panel::read(&folder, name);
+        let outcome = panel.run(&panel.film.job(0).unwrap());
+        let (volume, elastic) =
+            (outcome.report.volume.as_ref().unwrap().overall, outcome.report.elastic.as_ref().unwrap());
+        assert_eq!((&elastic.status[..], volume.target), ("settled", Some(volume.rest)), "{name}");
+        assert!((volume.corrected / volume.rest - 1.0).abs() <= 1e-13, "{name}: {volume:?}");
+        // The lattice of the one with continuity ends within the model.
+        let is_continued = |warning: &String| name == "center" && warning.contains("outside the lattice and stay");
+        assert!(outcome.report.warnings.iter().all(is_continued), "{name}: {:?}", outcome.report.warnings);
+        let drawing = outcome.springs().unwrap();
+        assert_eq!(
+            (drawing.ends.len(), drawing.is_held.len()),
+            (elastic.springs, elastic.held + elastic.free),
+            "{name}"
+        );
+        let controls = outcome.controls.as_ref().unwrap();
+        match &name[..] {
+            // The nodes between those that are held go outwards, and stay at their height.
+            "plate-1" => {
+                for (at, rest) in controls.posed.iter().zip(&controls.rest).filter(|(_, rest)| rest.z.abs() < 1e-9) {
+                    assert!(at.z.abs() < 1e-9 && at.length() >= rest.length() - 1e-9, "{rest} goes to {at}");
+                }
+            }
+            // "The central 2×2 nodes have moved all the way across to the diagonal sides."
+            "plate-2" => {
+                for node in 8..12 {
+                    let (at, rest) = (controls.posed[node], controls.rest[node]);
+                    assert!(at.z * rest.z < 0.0 && at.y * rest.y > 0.0, "{rest} goes to {at}");
+                }
+            }
+            "plate-6a" | "plate-6b" => {
+                energies.push(elastic.energy);
+                assert!(
+                    panel.text.contains(&format!("The energy is {:.3}, ", elastic.energy)),
+                    "{name}: {}",
+                    elastic.energy
+                );
+            }
+            "center" => {
+                let [rest, posed, settled] = elastic.center_of_mass.unwrap().map(DVec3::from_array);
+                assert!(posed.distance(rest) > 0.01 && settled.distance(rest) < 1e-12, "{rest} {posed} {settled}");
+            }
+            _ => {}
+        }
+    }
+    assert!((energies[0] - energies[1]).abs() > 0.02, "{energies:?}");
 }

@@ -4,10 +4,10 @@ use std::f64::consts::{PI, TAU};
 
 use glam::DVec3;
 use isochor::shapes::{
-    bottle, chain, cube, cup, cylinder, dolphin, eared_ball, embossed_box, hollow_bottle, hollow_sphere, icosphere,
-    plate, screwdriver, stone, uv_torus,
+    bottle, chain, club, cube, cup, cylinder, dolphin, eared_ball, embossed_box, hollow_bottle, hollow_sphere,
+    icosphere, plate, screwdriver, stone, uv_torus,
 };
-use isochor::{Mesh, OpenBoundaries, Role, Solid, roles, topology};
+use isochor::{Mesh, OpenBoundaries, ParametricSolid, Role, Solid, roles, topology};
 
 /// Relative error of volumes: coordinates are rounded once or twice.
 const ROUNDING: f64 = 1e-13;
@@ -250,6 +250,18 @@ fn dolphins_are_stacks_of_prismatoids_and_tend_to_what_their_sections_hold() {
 #[should_panic(expected = "a dolphin needs at least 3 segments, not 2")]
 fn a_flat_dolphin_is_refused() {
     let _ = dolphin(2);
+}
+
+#[test]
+fn clubs_tend_to_the_smooth_one() {
+    let smooth = ParametricSolid::club().volume().unwrap().volume;
+    let [coarse, fine] = [32, 64].map(|m| {
+        let faces = 4 * m * (m - 1);
+        let mesh = club(faces);
+        1.0 - checked_volume(&mesh, faces / 2 + 2, faces, 1, 0) / smooth
+    });
+    assert!(coarse > 0.0 && (coarse / fine - 4.0).abs() < 0.1, "{coarse} and {fine}");
+    assert_eq!(club(0).faces().len(), 80);
 }
 
 #[test]

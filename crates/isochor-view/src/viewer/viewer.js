@@ -52,6 +52,8 @@ const ZOOM = 1.15;
 const MOST_PIXELS_PER_POINT = 2;
 // Width of a control point on the screen.
 const DOT = 4.5;
+// And of a node that is held: light ones look smaller.
+const HELD_DOT = 6;
 
 const CLAY = '#b9c4d0';
 // From volume lost through unchanged to gained, in equal steps of the logarithm: every fourth colour of the scale of
@@ -100,8 +102,10 @@ function start(figure, data) {
   const surface = new MeshStandardMaterial({ roughness: 0.62, metalness: 0, side: DoubleSide });
   const edges = new LineBasicMaterial({ transparent: true, opacity: 0.4 });
   const rods = new LineBasicMaterial({ transparent: true, opacity: 0.45 });
-  const knobs = new PointsMaterial({ sizeAttenuation: false });
-  knobs.onBeforeCompile = (shader) => {
+  const springs = new LineBasicMaterial({ transparent: true, opacity: 0.25 });
+  // Control points, and nodes that are held while the others settle.
+  const [knobs, pins] = [0, 1].map(() => new PointsMaterial({ sizeAttenuation: false }));
+  knobs.onBeforeCompile = pins.onBeforeCompile = (shader) => {
     const round = 'if (length(gl_PointCoord - 0.5) > 0.5) discard;\n#include <clipping_planes_fragment>';
     shader.fragmentShader = shader.fragmentShader.replace('#include <clipping_planes_fragment>', round);
   };
@@ -159,8 +163,8 @@ function start(figure, data) {
     const style = getComputedStyle(figure);
     const color = (name) => new Color().setStyle(style.getPropertyValue(name).trim());
     edges.color = color('--edge');
-    rods.color = color('--lattice');
-    knobs.color = color('--lattice');
+    rods.color = springs.color = knobs.color = color('--lattice');
+    pins.color = color('--held');
     ask();
   };
 
@@ -178,8 +182,8 @@ function start(figure, data) {
       shown.add(new LineSegments(pose.edges(), edges));
     }
     if (state.lattice && pose.lattice) {
-      const geometry = pose.lattice();
-      shown.add(new LineSegments(geometry, rods), new Points(geometry, knobs));
+      const { lines, isNet, free, held } = pose.lattice();
+      shown.add(new LineSegments(lines, isNet ? springs : rods), new Points(free, knobs), new Points(held, pins));
     }
     for (const button of figure.querySelectorAll('[data-pose]')) {
       button.setAttribute('aria-pressed', String(Number(button.dataset.pose) === state.pose));
@@ -286,6 +290,7 @@ function start(figure, data) {
     const pixelsPerPoint = Math.min(devicePixelRatio, MOST_PIXELS_PER_POINT);
     renderer.setPixelRatio(pixelsPerPoint);
     knobs.size = DOT * pixelsPerPoint;
+    pins.size = HELD_DOT * pixelsPerPoint;
     renderer.setSize(width, height, false);
     camera.aspect = width / height;
     camera.updateProjectionMatrix();
@@ -456,8 +461,23 @@ function edgeLines(triangles, sides) {
   return new Uint32Array(lines);
 }
 
-// Control points and the lines between neighbours along u, v, w.
-function latticeLines({ size, controls }) {
+// Control points, free and held, and springs, or else the lines between neighbours along u, v, w.
+function latticeLines({ size, controls, springs, held }) {
+  const places = new BufferAttribute(new Float32Array(bytes(controls)), 3);
+  const of = (indices) =>
+    new BufferGeometry().setAttribute('position', places).setIndex(new BufferAttribute(new Uint32Array(indices), 1));
+  const isHeld = held === null ? new Uint8Array(places.count) : new Uint8Array(bytes(held));
+  const nodes = [...isHeld.keys()];
+  return {
+    lines: of(springs === null ? edgesOfLattice(size) : bytes(springs)),
+    isNet: springs !== null,
+    free: of(nodes.filter((node) => !isHeld[node])),
+    held: of(nodes.filter((node) => isHeld[node])),
+  };
+}
+
+// Ends of the lines between neighbours along u, v, w.
+function edgesOfLattice(size) {
   const steps = [size[1] * size[2], size[2], 1];
   const lines = [];
   for (let i = 0; i < size[0]; i++) {
@@ -472,8 +492,7 @@ function latticeLines({ size, controls }) {
       }
     }
   }
-  const places = new BufferAttribute(new Float32Array(bytes(controls)), 3);
-  return new BufferGeometry().setAttribute('position', places).setIndex(new BufferAttribute(new Uint32Array(lines), 1));
+  return lines;
 }
 
 // Colours (3 per vertex) of local volume changes; `scale` is the change at the end of the ramp.

@@ -42,8 +42,14 @@ impl Story {
         Self { mesh, job: "[[edit]]\nbend = { axis = \"x\", degrees = 60 }\n[preserve]\nvolume = \"free\"\n" }
     }
 
+    /// Nodes that settle between others that are held.
+    pub fn settled() -> Self {
+        let job = "[lattice]\nbasis = \"bernstein\"\nsize = 3\n[[edit]]\nscale = { by = [1, 1, 0.6], nodes = { k = [0, 2] } }\n[preserve]\nmethod = \"elastic\"\n";
+        Self { mesh: shapes::cube(4), job }
+    }
+
     pub fn all() -> Vec<Self> {
-        vec![Self::twisted_cube(), Self::hollow(), Self::chain(), Self::sheet()]
+        vec![Self::twisted_cube(), Self::hollow(), Self::chain(), Self::sheet(), Self::settled()]
     }
 
     pub fn run(&self) -> Run {
