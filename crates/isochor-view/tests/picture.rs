@@ -351,7 +351,8 @@ fn springs_are_drawn_instead_of_edges_and_held_nodes_differ() {
         let (image, _) = drawn(with_springs(held));
         image.pixels().iter().filter(|[r, _, b]| is_of_color(i32::from(*r), i32::from(*b))).count()
     };
-    let (orange, blue): (fn(i32, i32) -> bool, fn(i32, i32) -> bool) = (|r, b| r - b > 90, |r, b| b - r > 60);
+    let orange: fn(i32, i32) -> bool = |r, b| r - b > 90;
+    let blue: fn(i32, i32) -> bool = |r, b| b - r > 60;
     let [none, four, all] =
         [&[][..], &[0, 1, 2, 3], &[0, 1, 2, 3, 4, 5, 6, 7]].map(|held| [count(held, orange), count(held, blue)]);
     assert!(0 < none[0] && none[0] < four[0] && four[0] < all[0], "{none:?} {four:?} {all:?}");

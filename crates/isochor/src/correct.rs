@@ -559,12 +559,15 @@ impl<'a> Corrector<'a> {
         Ok(Solved { problem, start, end, trace, residual, has_moved: !is_met })
     }
 
-    /// The checked request.
-    pub(crate) fn problem<'b>(&'b self, posed: &[DVec3], wanted: &'b Wanted) -> Result<Problem<'b>, CorrectError> {
-        let (solid, binding) = (&*self.solid, &*self.binding);
-        length("the posed vertices", posed.len(), solid.vertex_count())?;
-        let controls = binding.control_count();
-        for (point, PointTarget { weights, position, target }) in wanted.points.iter().enumerate() {
+    /// Components of the body.
+    pub(crate) fn component_count(&self) -> usize {
+        self.solid.component_count()
+    }
+
+    /// Whether points follow controls that exist, with numbers that are finite.
+    pub(crate) fn check_points(&self, points: &[PointTarget]) -> Result<(), CorrectError> {
+        let controls = self.binding.control_count();
+        for (point, PointTarget { weights, position, target }) in points.iter().enumerate() {
             if let Some((control, _)) = weights.iter().find(|(control, _)| *control >= controls) {
                 let what = format!("it follows control {control} of {controls}");
                 return Err(CorrectError::Point { point, what });
@@ -573,6 +576,14 @@ impl<'a> Corrector<'a> {
                 return Err(CorrectError::Point { point, what: "its numbers must be finite".into() });
             }
         }
+        Ok(())
+    }
+
+    /// The checked request.
+    pub(crate) fn problem<'b>(&'b self, posed: &[DVec3], wanted: &'b Wanted) -> Result<Problem<'b>, CorrectError> {
+        let (solid, binding) = (&*self.solid, &*self.binding);
+        length("the posed vertices", posed.len(), solid.vertex_count())?;
+        self.check_points(&wanted.points)?;
         let order = self.order.as_ref();
         let vertex = |i: usize| order.map_or(i, |order| order.vertices[i] as usize);
         let mut near = self.spare.array();

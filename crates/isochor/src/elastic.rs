@@ -320,16 +320,7 @@ impl<'a> Elastic<'a> {
             DVec3::ZERO => Cow::Borrowed(vectors),
             _ => Cow::Owned(translated(vectors, -origin)),
         };
-        let goals = match Goals::new(&wanted.volumes, solid.component_count()) {
-            Ok(goals) => goals.of(solid),
-            // Named as a correction names it.
-            Err(_) => {
-                return Err(corrector
-                    .problem(points, &plain(wanted, Vec::new()))
-                    .err()
-                    .map_or(ElasticError::NoPose, Into::into));
-            }
-        };
+        let goals = goals_of(wanted, &corrector, || points.to_vec())?.of(solid);
         let with_inertia = wanted.moments.is_some_and(|moments| moments.inertia.is_some());
         let moments = wanted.moments.map(|_| combinations(with_inertia)).unwrap_or_default();
         let about = wanted.moments.map_or(DVec3::ZERO, |moments| moments.center - origin);
@@ -453,8 +444,8 @@ impl<'a> Elastic<'a> {
     ///
     /// A request that contradicts itself or is not what can be wanted.
     pub fn set_wanted(&mut self, wanted: ElasticWanted) -> Result<(), ElasticError> {
-        self.corrector.problem(&translated(&self.mesh.points, self.origin), &plain(&wanted, wanted.points.clone()))?;
-        let goals = Goals::new(&wanted.volumes, self.mesh.solid.component_count()).map_err(|_| ElasticError::NoPose)?;
+        self.corrector.check_points(&wanted.points)?;
+        let goals = goals_of(&wanted, &self.corrector, || translated(&self.mesh.points, self.origin))?;
         let mut targets = goals.targets.clone();
         let mut scales: Vec<f64> = targets.iter().map(|target| target.abs()).collect();
         self.mesh.numbers.goals = goals.of(&self.mesh.solid);
@@ -634,6 +625,18 @@ fn searched<'b>(
         (None, Some(coarse)) => coarse,
         (None, None) => mesh,
     }
+}
+
+/// The volumes that are wanted, of a body that stands at `points()`.
+fn goals_of(
+    wanted: &ElasticWanted,
+    corrector: &Corrector,
+    points: impl FnOnce() -> Vec<DVec3>,
+) -> Result<Goals, ElasticError> {
+    Goals::new(&wanted.volumes, corrector.component_count()).map_err(|_| {
+        // A correction names what is wrong with them.
+        corrector.problem(&points(), &plain(wanted, Vec::new())).err().map_or(ElasticError::NoPose, Into::into)
+    })
 }
 
 /// A correction's part of what is wanted, with these points.

@@ -70,11 +70,13 @@ impl Functions {
                 weights.resize(size.iter().product(), 0.0);
                 binding.fill_row(v, &mut weights, &mut scratch);
                 row.fill(0.0);
-                for (at, weight) in weights.iter().enumerate() {
-                    let [i, j, k] = [at / (size[1] * size[2]), at / size[2] % size[1], at % size[2]];
-                    let node = ((start[0] + i) * size_v + start[1] + j) * size_w + start[2] + k;
-                    if let Some(to) = row.get_mut(column[node]) {
-                        *to = *weight;
+                for (line, weights) in weights.chunks(size[2].max(1)).enumerate() {
+                    let [i, j] = [line / size[1], line % size[1]];
+                    let first = ((start[0] + i) * size_v + start[1] + j) * size_w + start[2];
+                    for (column, weight) in column[first..].iter().zip(weights) {
+                        if let Some(to) = row.get_mut(*column) {
+                            *to = *weight;
+                        }
                     }
                 }
                 if let Some(offset) = offset {
