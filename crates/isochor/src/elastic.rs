@@ -122,7 +122,7 @@ pub enum Evaluation {
     /// A form where there are few nodes, and else the mesh.
     #[default]
     Auto,
-    /// A form of the nodes: its set-up takes long for many nodes.
+    /// A form of the nodes: its set-up takes long for many nodes. Centre of mass and inertia have none, and come from the mesh with all else.
     Form,
     /// The mesh.
     Mesh,
@@ -148,6 +148,9 @@ pub enum ElasticError {
     /// A centre of mass or inertia tensor that is not finite, or a body without volume.
     #[error("the centre of mass and the inertia tensor must be finite, and the body must have a volume")]
     Moments,
+    /// Something of another kind is wanted than at first.
+    #[error("volumes of other components or other moments are wanted than at first: begin with a new body")]
+    Changed,
     /// Too many nodes that are coupled.
     #[error("the matrix of {nodes} nodes is too large for memory")]
     TooLarge {
@@ -438,19 +441,26 @@ impl<'a> Elastic<'a> {
         Ok(())
     }
 
-    /// Changes what must hold. Which moments are kept must stay as it was.
+    /// Changes what must hold: how much, and which points. Whose volumes and which moments are wanted stays as it was.
     ///
     /// # Errors
     ///
-    /// A request that contradicts itself or is not what can be wanted.
+    /// A request that contradicts itself or is not what can be wanted; volumes of other components, or other moments.
     pub fn set_wanted(&mut self, wanted: ElasticWanted) -> Result<(), ElasticError> {
         self.corrector.check_points(&wanted.points)?;
         let goals = goals_of(&wanted, &self.corrector, || translated(&self.mesh.points, self.origin))?;
-        let mut targets = goals.targets.clone();
+        let with_inertia = wanted.moments.is_some_and(|moments| moments.inertia.is_some());
+        let moments = wanted.moments.map_or(0, |_| combinations(with_inertia).len());
+        if !goals.are_of_the_same(&self.mesh.numbers.goals) || moments != self.mesh.numbers.moments.len() {
+            return Err(ElasticError::Changed);
+        }
+        let mut targets = goals.targets;
         let mut scales: Vec<f64> = targets.iter().map(|target| target.abs()).collect();
-        self.mesh.numbers.goals = goals.of(&self.mesh.solid);
         if let Some(MomentTargets { center, inertia }) = wanted.moments {
-            self.mesh.numbers.about = center - self.origin;
+            let about = center - self.origin;
+            self.mesh.numbers.about = about;
+            self.coarse.iter_mut().for_each(|coarse| coarse.numbers.about = about);
+            self.levels.iter_mut().for_each(|level| level.numbers.about = about);
             let volume = self.mesh.solid.volume(&self.mesh.points);
             let half_trace = |i: DMat3| (0..3).map(|a| i.col(a)[a]).sum::<f64>() / 2.0;
             let second = inertia.map_or(DMat3::ZERO, |i| DMat3::from_diagonal(DVec3::splat(half_trace(i))) - i);
@@ -674,7 +684,11 @@ fn by_levels(
         }
         (best, missing) = (next, still_missing);
         if missing <= tolerances::BALANCE_ENOUGH {
-            return Some((best, Some(Ended::Balanced)));
+            // Volumes and points are corrected exactly at last, moments here.
+            let fine = Search { conditions: Conditions { measure: mesh, ..search.conditions }, ..*search };
+            let is_exact = mesh.numbers.moments.is_empty();
+            let exact = if is_exact { Some(best) } else { fine.first(&best.places) };
+            return exact.map(|pose| (pose, Some(Ended::Balanced)));
         }
     }
     Some((best, None))

@@ -159,6 +159,11 @@ impl Goals {
         self.targets.len()
     }
 
+    /// Whether these are goals for the same components, one by one.
+    pub(crate) fn are_of_the_same(&self, other: &Self) -> bool {
+        self.members == other.members
+    }
+
     /// Whether a component counts for a goal.
     pub(crate) fn counts(&self, goal: usize, component: usize) -> bool {
         self.members[goal][component]

@@ -370,6 +370,11 @@ fn a_solver_goes_on_from_where_it_was() {
     assert!(warm.steps <= cold.steps && (warm.energy / cold.energy - 1.0).abs() < 1e-12);
     let apart = elastic.places().iter().zip(&settled.places).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
     assert!(apart < 1e-9, "{apart:e}");
+    // Moments that were not wanted before, and other components.
+    let moments = Some(MomentTargets::of(&torus.solid, &torus.points, false));
+    let more = ElasticWanted { moments, ..torus.wanted(1.0) };
+    assert_eq!(elastic.set_wanted(more), Err(ElasticError::Changed));
+    assert_eq!(elastic.set_wanted(ElasticWanted::default()), Err(ElasticError::Changed));
     // Another volume.
     elastic.set_wanted(torus.wanted(0.8)).unwrap();
     let state = elastic.run(None, &mut |_| true).unwrap();
@@ -457,6 +462,36 @@ fn what_cannot_be_is_said() {
     };
     let error = run(None, &contradicting);
     assert!(matches!(error, ElasticError::Correct(isochor::CorrectError::Impossible { .. })), "{error}");
+}
+
+/// The centre of mass of a body with a coarse stand-in is moved.
+#[test]
+fn what_is_wanted_changes_on_large_meshes_too() {
+    let mesh = shapes::uv_torus(1.0, 0.4, 360, 180);
+    let frame = Frame::fitted(mesh.bounds().unwrap(), 0.01).unwrap();
+    let lattice = Lattice::new([5, 5, 3].map(|n| Basis::clamped(n, 2).unwrap()), frame).unwrap();
+    let case = Case::of(&mesh, &lattice, Net::TwentySix);
+    let is_free = all_but(75, |node| node < 15);
+    let options = ElasticOptions { is_free, ..ElasticOptions::default() };
+    let at_rest = MomentTargets::of(&case.solid, &case.points, false);
+    let wanted = |by: DVec3| ElasticWanted {
+        moments: Some(MomentTargets { center: at_rest.center + by, inertia: None }),
+        ..case.wanted(1.02)
+    };
+    let mut elastic = Elastic::new(&case.model(), &case.rest, &wanted(DVec3::ZERO), &options).unwrap();
+    assert_eq!(elastic.evaluation(), "coarse");
+    for by in [DVec3::ZERO, DVec3::new(0.05, 0.02, -0.03)] {
+        elastic.set_wanted(wanted(by)).unwrap();
+        let state = elastic.run(None, &mut |_| true).unwrap();
+        assert_eq!(state.status, ElasticStatus::Settled, "{state:?}");
+        assert!(state.evaluations <= 12, "{}", state.evaluations);
+        let settled = elastic.settled().unwrap();
+        assert!(settled.correction.relative_error <= 1e-13);
+        let found = MomentTargets::of(&case.solid, &settled.correction.vertices, false);
+        assert!(found.center.distance(at_rest.center + by) < 1e-12, "{}", found.center);
+        let pressure = case.binding.adjoint(&case.solid.volume_gradient(&settled.correction.vertices));
+        assert!(pressure.len() == 75 && state.residual <= 1e-9);
+    }
 }
 
 /// Of two equal hills around a saddle: a pose on the ridge has an indefinite Hessian, and Newton's method must leave it downwards.
