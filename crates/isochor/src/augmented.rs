@@ -66,7 +66,7 @@ pub struct LevelReport {
     pub change: f64,
     /// How long it took; 0 where there is no clock.
     pub milliseconds: f64,
-    /// Where the nodes were at its end (#nodes × 3), relative to where the solver computes.
+    /// Where the nodes were at its end (#nodes × 3).
     #[cfg_attr(feature = "serde", serde(skip))]
     pub places: Vec<DVec3>,
 }
@@ -153,6 +153,55 @@ impl Lagrangian<'_> {
         }
         gradient.iter_mut().for_each(|g| *g *= self.unit);
         gradient
+    }
+}
+
+/// Where a Lagrangian with its multipliers is least.
+struct Minimised {
+    found: Found,
+    /// Steps of the minimiser.
+    steps: usize,
+    /// How far the conditions are missed, relatively.
+    error: f64,
+    /// Why the search is over, where it is before conditions hold to the tolerance.
+    ended: Option<ElasticStatus>,
+}
+
+impl Lagrangian<'_> {
+    /// Minimises, and changes multipliers and penalty until the conditions hold to the tolerance: HML, figure 3. Errors are relative to `volume`, gradients to
+    /// `force`, penalties to `unit`.
+    fn minimised(
+        &mut self,
+        options: &Augmented,
+        [volume, force, unit]: [f64; 3],
+        on_step: &mut dyn FnMut(&Pose) -> bool,
+    ) -> Minimised {
+        let mut x = vec![0.0; self.search.pattern.unknowns()];
+        let (mut steps, mut error) = (0, f64::INFINITY);
+        for round in 1.. {
+            let (lowest, taken) = least(self, &x, options.gradient * force * self.unit);
+            x = lowest;
+            steps += taken;
+            let found = self.at(&x);
+            let most = |most: f64, (error, _): &(f64, Vec<f64>)| most.max(error.abs());
+            let still = found.errors.iter().fold(0.0, most) / volume;
+            let is_over = !on_step(&self.search.surveyed(found.places.clone(), &found.survey));
+            let is_limit = round >= ROUNDS || !still.is_finite();
+            if is_over || is_limit || still <= options.tolerance {
+                let limit = (is_limit && !(still <= options.tolerance)).then_some(ElasticStatus::StepLimit);
+                let ended = if is_over { Some(ElasticStatus::Stopped) } else { limit };
+                return Minimised { found, steps, error: still, ended };
+            }
+            if still > 0.5 * error && self.penalty < options.ceiling * unit {
+                self.penalty *= 2.0;
+            } else {
+                for (multiplier, (error, _)) in self.multipliers.iter_mut().zip(&found.errors) {
+                    *multiplier -= self.penalty * error;
+                }
+                error = still;
+            }
+        }
+        unreachable!("rounds are limited")
     }
 }
 
@@ -244,36 +293,10 @@ pub(crate) fn settle<'a>(
             unit: stiffness.recip(),
             last: RefCell::new(None),
         };
-        let mut x = vec![0.0; search.pattern.unknowns()];
-        let (mut steps, mut rounds, mut error) = (0, 0, f64::INFINITY);
-        let mut is_over;
-        loop {
-            let (lowest, taken) = least(&lagrangian, &x, options.gradient * force * stiffness.recip());
-            x = lowest;
-            steps += taken;
-            rounds += 1;
-            let found = lagrangian.at(&x);
-            let most = |most: f64, (error, _): &(f64, Vec<f64>)| most.max(error.abs());
-            let still = found.errors.iter().fold(0.0, most) / volume;
-            is_over = !on_step(&search.surveyed(found.places, &found.survey));
-            if is_over || still <= options.tolerance {
-                error = still;
-                break;
-            }
-            if rounds >= ROUNDS || !still.is_finite() {
-                (error, status) = (still, ElasticStatus::StepLimit);
-                break;
-            }
-            if still > 0.5 * error && lagrangian.penalty < options.ceiling * unit {
-                lagrangian.penalty *= 2.0;
-            } else {
-                for (multiplier, (error, _)) in lagrangian.multipliers.iter_mut().zip(&found.errors) {
-                    *multiplier -= lagrangian.penalty * error;
-                }
-                error = still;
-            }
+        let Minimised { found, steps, error, ended } = lagrangian.minimised(options, [volume, force, unit], on_step);
+        if let Some(ended) = ended {
+            status = ended;
         }
-        let found = lagrangian.at(&x);
         let there = &found.places;
         let change = start.iter().zip(there).map(|(a, b)| (*a - *b).abs().max_element()).fold(0.0, f64::max);
         (penalty, multipliers) = (lagrangian.penalty, lagrangian.multipliers);
@@ -289,12 +312,8 @@ pub(crate) fn settle<'a>(
             milliseconds: clock.milliseconds(),
             places: places.clone(),
         });
-        if is_over {
-            status = ElasticStatus::Stopped;
-            break;
-        }
         let has_settled = index > 0 && change / conditions.extent <= options.change;
-        if status == ElasticStatus::StepLimit || (has_settled && index < last) {
+        if ended.is_some() || has_settled {
             break;
         }
     }

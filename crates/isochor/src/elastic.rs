@@ -519,6 +519,7 @@ impl<'a> Elastic<'a> {
             let (pose, reports, status) =
                 augmented::settle(&self.levels, &search, &self.mesh, &self.places, &options, &mut each);
             levels = reports;
+            levels.iter_mut().for_each(|level| level.places = translated(&level.places, origin));
             (pose, status)
         } else {
             let found = match (&self.form, &self.coarse) {
