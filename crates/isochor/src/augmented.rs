@@ -186,10 +186,10 @@ impl Lagrangian<'_> {
             let most = |most: f64, (error, _): &(f64, Vec<f64>)| most.max(error.abs());
             let still = found.errors.iter().fold(0.0, most) / volume;
             let is_over = !on_step(&self.search.surveyed(found.places.clone(), &found.survey));
-            let is_limit = round >= ROUNDS || !still.is_finite();
-            if is_over || is_limit || still <= options.tolerance {
-                let limit = (is_limit && !(still <= options.tolerance)).then_some(ElasticStatus::StepLimit);
-                let ended = if is_over { Some(ElasticStatus::Stopped) } else { limit };
+            let is_met = still <= options.tolerance;
+            let is_limit = !is_met && (round >= ROUNDS || !still.is_finite());
+            let ended = is_over.then_some(ElasticStatus::Stopped).or(is_limit.then_some(ElasticStatus::StepLimit));
+            if is_met || ended.is_some() {
                 return Minimised { found, steps, error: still, ended };
             }
             if still > 0.5 * error && self.penalty < options.ceiling * unit {
