@@ -202,17 +202,15 @@ impl Effort<'_> {
             }
         });
         let extent = Bounds::of(model.points).map_or(0.0, |bounds| bounds.extent());
-        let origin = Bounds::of(model.points).map_or(DVec3::ZERO, |bounds| bounds.lossless_origin());
         let mut cumulated_ms = 0.0;
         let row = |(report, times): (&LevelReport, &mut Vec<Duration>)| {
             let milliseconds = 1e3 * middle(times).as_secs_f64();
             cumulated_ms += milliseconds;
-            let places: Vec<DVec3> = report.places.iter().map(|place| *place + origin).collect();
             LevelRow {
                 report: LevelReport { milliseconds, ..report.clone() },
                 cumulated_ms,
-                node_error: farthest(&places, &settled.places) / extent,
-                from_balance: farthest(&places, balance) / extent,
+                node_error: farthest(&report.places, &settled.places) / extent,
+                from_balance: farthest(&report.places, balance) / extent,
             }
         };
         LevelsRun {

@@ -13,7 +13,7 @@ use std::time::{Duration, Instant};
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use isochor::Axis;
+use isochor::{Axis, Outcome};
 use isochor_view::{Figure, Page, Show, ShownPose, page};
 use scraper::{Html, Selector};
 use serde_json::Value;
@@ -383,6 +383,18 @@ fn what_is_up_is_up() {
     }
 }
 
+/// A page of a cube's job with nothing but its show.
+fn shown<'a>(outcome: &'a Outcome, show: &'a Show) -> Page<'a> {
+    Page {
+        title: "cube".into(),
+        job: None,
+        report: &outcome.report,
+        pictures: Vec::new(),
+        show: Some(show),
+        up: Axis::Z,
+    }
+}
+
 /// Corrections along weak directions send controls millions of extents away.
 #[cfg_attr(not(isochor_chromium), ignore = "needs Chromium: set ISOCHOR_CHROMIUM")]
 #[test]
@@ -390,14 +402,7 @@ fn a_model_is_not_lost_in_a_lattice_that_is_far_larger() {
     let run = Story::twisted_cube().run();
     let mut show = run.show();
     show.poses[2].lattice.as_mut().unwrap().controls.to_mut()[7].x = 1e7;
-    let contents = Page {
-        title: "cube".into(),
-        job: None,
-        report: &run.outcome.report,
-        pictures: Vec::new(),
-        show: Some(&show),
-        up: Axis::Z,
-    };
+    let contents = shown(&run.outcome, &show);
     let seen = told_well(&page(&contents), "({ now: seen() })");
     assert!(seen["now"]["drawn"].as_f64() > Some(0.05), "{seen}");
 }
@@ -413,14 +418,7 @@ fn springs_and_held_nodes_are_drawn() {
             let springs = pose.lattice.as_mut().unwrap().springs.as_mut().unwrap();
             springs.to_mut().is_held.iter_mut().for_each(|is_held| *is_held &= held);
         }
-        let contents = Page {
-            title: "cube".into(),
-            job: None,
-            report: &run.outcome.report,
-            pictures: Vec::new(),
-            show: Some(&show),
-            up: Axis::Z,
-        };
+        let contents = shown(&run.outcome, &show);
         let toggle = "{ press(\"[data-toggle='colour']\"); const now = seen(); press(\"[data-toggle='lattice']\"); return { now, bare: seen() }; }";
         told_well(&page(&contents), toggle)
     };
@@ -439,14 +437,7 @@ fn gained_volume_is_red_and_lost_volume_blue() {
         let job = format!("[[edit]]\nstretch = {{ axis = \"z\", scale = {scale} }}\n[preserve]\nvolume = \"free\"\n");
         let run = stories::run(Story::twisted_cube().mesh, &job);
         let show = run.show();
-        let contents = Page {
-            title: "cube".into(),
-            job: None,
-            report: &run.outcome.report,
-            pictures: Vec::new(),
-            show: Some(&show),
-            up: Axis::Z,
-        };
+        let contents = shown(&run.outcome, &show);
         let seen = told_well(&page(&contents), "{ press(\"[data-toggle='lattice']\"); return { now: seen() }; }");
         let [red, blue] = ["red", "blue"].map(|name| seen["now"][name].as_f64().unwrap());
         assert!(if is_red { red > 1.3 * blue } else { blue > 1.3 * red }, "{scale}: {red} {blue}");

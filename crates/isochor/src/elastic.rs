@@ -687,9 +687,9 @@ fn by_levels(
         if missing <= tolerances::BALANCE_ENOUGH {
             // Volumes and points are corrected exactly at last, moments here.
             let fine = Search { conditions: Conditions { measure: mesh, ..search.conditions }, ..*search };
-            let is_exact = mesh.numbers.moments.is_empty();
-            let exact = if is_exact { Some(best) } else { fine.first(&best.places) };
-            return exact.map(|pose| (pose, Some(Ended::Balanced)));
+            let has_moments = !mesh.numbers.moments.is_empty();
+            let end = if has_moments { fine.first(&best.places) } else { Some(best) };
+            return end.map(|pose| (pose, Some(Ended::Balanced)));
         }
     }
     Some((best, None))

@@ -172,6 +172,8 @@ pub(crate) fn free_coordinates(is_held: &[bool], along: DVec3, mobility: Option<
 /// How values stand in a job file: words, or what they mean.
 #[cfg(feature = "serde")]
 mod form {
+    use std::marker::PhantomData;
+
     use glam::DVec3;
     use serde::de::{Error, value::MapAccessDeserializer, value::SeqAccessDeserializer};
     use serde::de::{MapAccess, SeqAccess, Visitor};
@@ -242,53 +244,43 @@ mod form {
 
     impl<'de> Deserialize<'de> for CenterOfMass {
         fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-            struct CenterVisitor;
-            impl<'de> Visitor<'de> for CenterVisitor {
-                type Value = CenterOfMass;
-
-                fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-                    f.write_str("\"keep\" or a point [x, y, z]")
-                }
-
-                fn visit_str<E: Error>(self, text: &str) -> Result<CenterOfMass, E> {
-                    match text {
-                        "keep" => Ok(CenterOfMass::Keep),
-                        text => Err(E::invalid_value(serde::de::Unexpected::Str(text), &self)),
-                    }
-                }
-
-                fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<CenterOfMass, A::Error> {
-                    let point = Exact::<f64, 3>::deserialize(SeqAccessDeserializer::new(list))?;
-                    Ok(CenterOfMass::At(DVec3::from(point)))
-                }
-            }
-            from.deserialize_any(CenterVisitor)
+            let expected = "\"keep\" or a point [x, y, z]";
+            let given = from.deserialize_any(KeepVisitor::<f64> { expected, numbers: PhantomData })?;
+            Ok(given.map_or(Self::Keep, |point| Self::At(DVec3::from(point))))
         }
     }
 
     impl<'de> Deserialize<'de> for Inertia {
         fn deserialize<D: Deserializer<'de>>(from: D) -> Result<Self, D::Error> {
-            struct InertiaVisitor;
-            impl<'de> Visitor<'de> for InertiaVisitor {
-                type Value = Inertia;
+            let expected = "\"keep\" or a symmetric matrix of three rows";
+            let given = from.deserialize_any(KeepVisitor::<Exact<f64, 3>> { expected, numbers: PhantomData })?;
+            let Some(Exact(rows)) = given else { return Ok(Self::Keep) };
+            Self::tensor(rows.map(DVec3::from)).map_err(D::Error::custom)
+        }
+    }
 
-                fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
-                    f.write_str("\"keep\" or a symmetric matrix of three rows")
-                }
+    /// "keep", which is `None`, or three of something.
+    struct KeepVisitor<T> {
+        expected: &'static str,
+        numbers: PhantomData<T>,
+    }
 
-                fn visit_str<E: Error>(self, text: &str) -> Result<Inertia, E> {
-                    match text {
-                        "keep" => Ok(Inertia::Keep),
-                        text => Err(E::invalid_value(serde::de::Unexpected::Str(text), &self)),
-                    }
-                }
+    impl<'de, T: Deserialize<'de>> Visitor<'de> for KeepVisitor<T> {
+        type Value = Option<Exact<T, 3>>;
 
-                fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Inertia, A::Error> {
-                    let Exact(rows) = Exact::<Exact<f64, 3>, 3>::deserialize(SeqAccessDeserializer::new(list))?;
-                    Inertia::tensor(rows.map(DVec3::from)).map_err(A::Error::custom)
-                }
+        fn expecting(&self, f: &mut std::fmt::Formatter) -> std::fmt::Result {
+            f.write_str(self.expected)
+        }
+
+        fn visit_str<E: Error>(self, text: &str) -> Result<Self::Value, E> {
+            match text {
+                "keep" => Ok(None),
+                text => Err(E::invalid_value(serde::de::Unexpected::Str(text), &self)),
             }
-            from.deserialize_any(InertiaVisitor)
+        }
+
+        fn visit_seq<A: SeqAccess<'de>>(self, list: A) -> Result<Self::Value, A::Error> {
+            Exact::deserialize(SeqAccessDeserializer::new(list)).map(Some)
         }
     }
 
