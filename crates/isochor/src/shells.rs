@@ -281,7 +281,7 @@ fn rim_of(mut edges: Vec<[u32; 2]>) -> Vec<[u32; 2]> {
 
 /// Half the signed solid angle of a triangle seen from the origin: positive where it is clockwise from there. `None` where the
 /// triangle touches the origin.
-fn half_solid_angle([a, b, c]: [DVec3; 3]) -> Option<f64> {
+pub(crate) fn half_solid_angle([a, b, c]: [DVec3; 3]) -> Option<f64> {
     let [la, lb, lc] = [a, b, c].map(DVec3::length);
     let determinant = a.dot(b.cross(c));
     let denominator = la * lb * lc + a.dot(b) * lc + b.dot(c) * la + c.dot(a) * lb; // van Oosterom and Strackee (8)
