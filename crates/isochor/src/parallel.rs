@@ -10,6 +10,9 @@ use rayon::prelude::*;
 /// Items per chunk where each item is cheap. Larger: less overhead per chunk; smaller: better balance between threads.
 pub(crate) const CHUNK: usize = 8192;
 
+/// Most partial sums of products over vertices. More: better balance between many threads; fewer: less memory.
+pub(crate) const PARTS: usize = 32;
+
 /// `f` of every chunk of `0..len`, in order.
 pub(crate) fn map_chunks<R: Send>(len: usize, chunk: usize, f: impl Fn(Range<usize>) -> R + Send + Sync) -> Vec<R> {
     map(len.div_ceil(chunk), |c| f(c * chunk..len.min((c + 1) * chunk)))
