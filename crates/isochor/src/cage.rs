@@ -172,6 +172,19 @@ impl Cage {
         self.triangles.iter().map(half_angle).sum::<f64>() > std::f64::consts::PI
     }
 
+    /// `point`, or where it is nearer to the cage than [`tolerances::BESIDE_CAGE`] of its extent, the point so far inside the closest triangle's
+    /// plane.
+    pub(crate) fn beside(&self, point: DVec3) -> DVec3 {
+        let closest = self.closest(point);
+        let least = tolerances::BESIDE_CAGE * self.extent;
+        if closest.distance >= least {
+            return point;
+        }
+        let [a, b, c] = self.corners(closest.triangle);
+        let on: DVec3 = closest.weights.iter().zip([a, b, c]).map(|(w, corner)| *w * corner).sum();
+        on - (b - a).cross(c - a).normalize() * least
+    }
+
     /// The point of the cage that is closest to `point`; of several that of the first triangle.
     pub(crate) fn closest(&self, point: DVec3) -> Closest {
         let of = |triangle: usize| {

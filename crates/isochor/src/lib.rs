@@ -121,6 +121,7 @@ mod lattice;
 mod levels;
 mod locality;
 mod locate;
+mod mean_value;
 mod measure;
 mod mesh;
 mod metric;
@@ -168,6 +169,7 @@ mod triangulation;
 mod unroll;
 mod volume;
 mod volume_form;
+mod winding;
 mod wrap;
 
 pub use along::{AlongError, SheetDrawing};

@@ -103,3 +103,11 @@ pub const POLE: f64 = 1e-9;
 /// A surface whose `|S_s × S_t|` is below this fraction of `max(|S_s|, |S_t|)` · extent everywhere has no area. Larger: thin strips are refused;
 /// smaller: rounding passes for a width.
 pub const FLAT_SURFACE: f64 = 1e-12;
+
+/// A point so near a cage, relative to its extent, is on it. Larger: points beside it are moved onto it; smaller: angles of sides seen end to end
+/// are noise.
+pub const ON_CAGE: f64 = 1e-14;
+
+/// Derivatives at points nearer to a cage than this, relative to its extent, are taken this far inside: on it they have no value. Larger: they are
+/// those of another place; smaller: digits are lost.
+pub const BESIDE_CAGE: f64 = 1e-6;

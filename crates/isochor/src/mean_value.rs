@@ -1,0 +1,528 @@
+//! Mean value coordinates of points in a cage.
+//!
+//! M. S. Floater, G. Kós, M. Reimers, *Mean value coordinates in 3D*, 2005; T. Ju, S. Schaefer, J. Warren, *Mean value coordinates for closed
+//! triangular meshes*, 2005; CVB (3). With u_i the unit vector from the point p to vertex i of the cage, d_i its distance, and for each
+//! triangle the integral m of u over what p sees of it,
+//!
+//! ```text
+//! m = ½ Σ θ (u_a × u_b) / sin θ,    w_i = (u_j × u_k) · m / (d_i det(u_i, u_j, u_k)),    α_i = Σ w_i / ΣΣ w
+//! ```
+//!
+//! the first sum over the triangle's sides, from a to b, seen under the angle θ. The w solve `Σ w_i (v_i − p) = m`, and the m of all triangles
+//! sum to 0: that is linear precision. Sides are shared by two triangles, so what rounding adds to one m it takes from another, and `Σ α_i v_i`
+//! is p to rounding wherever p is.
+//!
+//! The coordinates are defined everywhere, outside as well, and on the cage; there they are the barycentric ones of the triangle, to which they
+//! tend from both sides. Where p lies in the plane of a triangle that it does not touch, the closed form is 0/0, and near that plane it loses
+//! digits. There, with b the barycentric coordinates of the triangle and p(b) its points as seen from p,
+//!
+//! ```text
+//! w_i = det(v_i − p, v_j − p, v_k − p) ∫∫ b_i / |p(b)|⁴ db
+//! ```
+//!
+//! whose integrand is smooth: a rule of Gauss and Legendre on the triangle, divided where p is near.
+//!
+//! *Changes versus the papers*: no triangle is left out because p is near its plane; the last formula is ours. Derivatives, which the papers
+//! do not give, follow from `P ∂w = ∂m + Σ w`, P the matrix of the v_i − p.
+//!
+//! Four points are taken at a time, without fused multiply-adds: the same bits on every processor.
+
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x4};
+use glam::{DMat3, DVec3};
+
+use crate::cage::{Cage, Side};
+use crate::closest::closest_on_triangle;
+use crate::elementary;
+use crate::gauss::gauss_legendre;
+use crate::parallel;
+use crate::tolerances;
+
+/// Points that are taken at a time.
+const LANES: usize = 4;
+
+/// A triangle seen from where `|det(u_i, u_j, u_k)|` is below this fraction of the square of its longest side, as seen, is seen from near its
+/// plane. Larger: slow integrals where the closed form does; smaller: digits are lost, about `ε / EDGE_ON`.
+const EDGE_ON: f64 = 1e-3;
+
+/// Unless |m| is at least so much: then p is near the triangle itself, where the closed form is accurate. Larger: integrands with peaks; smaller:
+/// digits are lost.
+const FACED: f64 = 0.3;
+
+/// A point that sees a side under an angle whose sine is below this, or less, is looked at alone: it may lie on the cage.
+const GRAZING: f64 = 1e-12;
+
+/// Sides longer than this fraction of the distance are halved before they are integrated over. Larger: digits are lost; smaller: more points.
+const NEAR: f64 = 0.5;
+
+/// Points of the rule in each direction: with [`NEAR`] relative errors are about `(NEAR / 2)^16`, of triangles that weigh less than
+/// [`EDGE_ON`] of the whole.
+const RULE: usize = 8;
+
+/// Most halvings. A point that is not on the cage is farther than `2⁻⁵⁰` extents from it.
+const HALVINGS: usize = 50;
+
+/// Writes the coordinates of each point (#vertices of the cage) to `out[i · stride ..]`. What is beyond them there is left.
+pub(crate) fn fill_mean_value(cage: &Cage, points: &[DVec3], stride: usize, out: &mut [f64]) {
+    let rule = Rule::new();
+    dispatch!(Level::new(), simd => fill(simd, cage, &rule, points, stride, out));
+}
+
+/// A vector of each of the points.
+type Vector<S> = [f64x4<S>; 3];
+
+#[inline(always)]
+fn dot<S: Simd>(a: Vector<S>, b: Vector<S>) -> f64x4<S> {
+    a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
+}
+
+#[inline(always)]
+fn cross<S: Simd>(a: Vector<S>, b: Vector<S>) -> Vector<S> {
+    [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
+}
+
+/// An edge as the points see it.
+#[derive(Clone, Copy)]
+struct Edge<S: Simd> {
+    /// The cross product of the unit vectors to its ends.
+    cross: Vector<S>,
+    /// `θ / sin θ`.
+    ratio: f64x4<S>,
+}
+
+#[inline(always)]
+fn fill<S: Simd>(simd: S, cage: &Cage, rule: &Rule, points: &[DVec3], stride: usize, out: &mut [f64]) {
+    let zero = f64x4::splat(simd, 0.0);
+    let one = f64x4::splat(simd, 1.0);
+    let vertices = cage.vertices();
+    let mut unit = vec![[zero; 3]; vertices.len()];
+    let mut distance = vec![zero; vertices.len()];
+    let mut edges = vec![Edge { cross: [zero; 3], ratio: zero }; cage.edges().len()];
+    let mut weights = vec![zero; vertices.len()];
+    for (points, out) in points.chunks(LANES).zip(out.chunks_mut(LANES * stride)) {
+        let of = |lane: usize| points[lane.min(points.len() - 1)];
+        let place: Vector<S> = [0, 1, 2].map(|x| f64x4::from_slice(simd, &[0, 1, 2, 3].map(|lane| of(lane)[x])));
+        // Whether each point may be on the cage.
+        let mut is_grazing = [false; LANES];
+        let mut note = |mask: [bool; LANES]| is_grazing.iter_mut().zip(mask).for_each(|(is, it)| *is |= it);
+        let least = f64x4::splat(simd, GRAZING * cage.extent());
+        for ((v, unit), distance) in vertices.iter().zip(&mut unit).zip(&mut distance) {
+            let to: Vector<S> = [0, 1, 2].map(|x| f64x4::splat(simd, v[x]) - place[x]);
+            *distance = dot(to, to).sqrt();
+            *unit = to.map(|x| x / *distance);
+            if distance.simd_le(least).any_true() {
+                note(lanes_of(*distance).map(|d| d <= GRAZING * cage.extent()));
+            }
+        }
+        for ([a, b], edge) in cage.edges().iter().zip(&mut edges) {
+            let (a, b) = (unit[*a as usize], unit[*b as usize]);
+            let (cross, cosine) = (cross(a, b), dot(a, b));
+            let sine = dot(cross, cross).sqrt();
+            let angle = elementary::atan2(simd, sine, cosine);
+            let is_seen = sine.simd_gt(zero);
+            *edge = Edge { cross, ratio: is_seen.select(angle / sine, one) };
+            let grazes = sine.simd_le(f64x4::splat(simd, GRAZING)) & cosine.simd_lt(zero);
+            if grazes.any_true() {
+                let (sine, cosine) = (lanes_of(sine), lanes_of(cosine));
+                note([0, 1, 2, 3].map(|lane| sine[lane] <= GRAZING && cosine[lane] < 0.0));
+            }
+        }
+        weights.fill(zero);
+        let mut edge_on: Vec<(usize, usize)> = Vec::new(); // lane and triangle
+        for (t, (corners, sides)) in cage.triangles().iter().zip(cage.sides()).enumerate() {
+            let sides = sides.map(|side| seen(&edges, side));
+            let m: Vector<S> = [0, 1, 2].map(|x| {
+                (sides[0].cross[x] * sides[0].ratio
+                    + sides[1].cross[x] * sides[1].ratio
+                    + sides[2].cross[x] * sides[2].ratio)
+                    * 0.5
+            });
+            let unit = corners.map(|v| unit[v as usize]);
+            let determinant = dot(unit[0], sides[1].cross);
+            // The squared sides, as seen.
+            let chord = |a: Vector<S>, b: Vector<S>| one - dot(a, b);
+            let longest = chord(unit[0], unit[1]).max(chord(unit[1], unit[2])).max(chord(unit[2], unit[0])) * 2.0;
+            let is_edge_on = determinant.abs().simd_lt(longest * EDGE_ON);
+            let mut scale = one / determinant;
+            if is_edge_on.any_true() {
+                let size = lanes_of(dot(m, m).sqrt());
+                let (determinant, limit) = (lanes_of(determinant.abs()), lanes_of(longest * EDGE_ON));
+                let mut of_lanes = lanes_of(scale);
+                for lane in (0..LANES).filter(|lane| determinant[*lane] < limit[*lane]) {
+                    if size[lane] < FACED {
+                        of_lanes[lane] = 0.0;
+                        if lane < points.len() {
+                            edge_on.push((lane, t));
+                        }
+                    } else if determinant[lane] <= GRAZING {
+                        is_grazing[lane] = true;
+                    }
+                }
+                scale = f64x4::from_slice(simd, &of_lanes);
+            }
+            for (k, v) in corners.iter().enumerate() {
+                let opposite = sides[(k + 1) % 3].cross;
+                let v = *v as usize;
+                weights[v] = weights[v] + dot(opposite, m) * scale / distance[v];
+            }
+        }
+        for (i, (point, row)) in points.iter().zip(out.chunks_mut(stride)).enumerate() {
+            let row = &mut row[..vertices.len()];
+            if is_grazing[i]
+                && let Some((corners, on_cage)) = on_cage(cage, *point)
+            {
+                row.fill(0.0);
+                corners.iter().zip(on_cage).for_each(|(v, w)| row[*v as usize] = w);
+                continue;
+            }
+            row.iter_mut().zip(&weights).for_each(|(to, w)| *to = lanes_of(*w)[i]);
+            for (_, t) in edge_on.iter().filter(|(lane, _)| *lane == i) {
+                let weights = rule.weights(cage.corners(*t).map(|v| v - *point));
+                cage.triangles()[*t].iter().zip(weights).for_each(|(v, w)| row[*v as usize] += w);
+            }
+            let whole: f64 = row.iter().sum();
+            row.iter_mut().for_each(|w| *w /= whole);
+        }
+    }
+}
+
+#[inline(always)]
+fn lanes_of<S: Simd>(x: f64x4<S>) -> [f64; LANES] {
+    x.into()
+}
+
+/// An edge as a side of a triangle.
+#[inline(always)]
+fn seen<S: Simd>(edges: &[Edge<S>], side: Side) -> Edge<S> {
+    let edge = edges[side.edge as usize];
+    if side.is_backward { Edge { cross: edge.cross.map(|x| -x), ..edge } } else { edge }
+}
+
+/// The corners of the triangle on which a point lies, up to [`tolerances::ON_CAGE`] of the cage's extent, with its barycentric coordinates.
+pub(crate) fn on_cage(cage: &Cage, point: DVec3) -> Option<([u32; 3], [f64; 3])> {
+    let closest = cage.closest(point);
+    let is_on = closest.distance <= tolerances::ON_CAGE * cage.extent();
+    is_on.then(|| (cage.triangles()[closest.triangle], closest.weights))
+}
+
+/// Jacobian matrices ∂(Σ c_i α_i)/∂p at `points`, for the vertices of a cage at `posed` (#vertices × 3). Where a point is on the cage they are
+/// those at [`tolerances::BESIDE_CAGE`] of its extent inside.
+pub(crate) fn mean_value_jacobians(cage: &Cage, points: &[DVec3], posed: &[DVec3]) -> Vec<DMat3> {
+    let rule = Rule::new();
+    parallel::collect(points.len(), |i| jacobian(cage, &rule, cage.beside(points[i]), posed))
+}
+
+fn jacobian(cage: &Cage, rule: &Rule, point: DVec3, posed: &[DVec3]) -> DMat3 {
+    let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
+    // Σ w_i, Σ c_i w_i and their derivatives.
+    let (mut whole, mut sum, mut whole_slope, mut sum_slope) = (0.0, DVec3::ZERO, DVec3::ZERO, DMat3::ZERO);
+    for (t, triangle) in cage.triangles().iter().enumerate() {
+        let corners = cage.corners(t).map(|v| v - point);
+        let (weights, slopes) = weights_with_slopes(rule, corners);
+        for ((v, w), slope) in triangle.iter().zip(weights).zip(slopes) {
+            let c = posed[*v as usize];
+            whole += w;
+            sum += c * w;
+            whole_slope += slope;
+            sum_slope += outer(c, slope);
+        }
+    }
+    (sum_slope - outer(sum / whole, whole_slope)) * (1.0 / whole)
+}
+
+/// The weights w of a triangle and their derivatives by p, for its corners as seen from p.
+fn weights_with_slopes(rule: &Rule, corners: [DVec3; 3]) -> ([f64; 3], [DVec3; 3]) {
+    let distances = corners.map(DVec3::length);
+    let unit = [0, 1, 2].map(|i| corners[i] / distances[i]);
+    let (mut m, mut slope) = (DVec3::ZERO, DMat3::ZERO);
+    let mut crosses = [DVec3::ZERO; 3];
+    for side in 0..3 {
+        let (i, j) = (side, (side + 1) % 3);
+        let (a, b) = (unit[i], unit[j]);
+        crosses[side] = a.cross(b);
+        let (sine, cosine) = (crosses[side].length(), a.dot(b));
+        let ratio = if sine > 0.0 { libm::atan2(sine, cosine) / sine } else { 1.0 };
+        m += 0.5 * ratio * crosses[side];
+        // θ n with n = a × b / sin θ: the angle changes by the ends' moves in the plane, the normal by those across it.
+        let n = crosses[side] / sine;
+        let by_angle = n.cross(a) / distances[i] - n.cross(b) / distances[j];
+        let across = corners[i] - corners[j];
+        // p moved by d turns n to (1 − n nᵀ) (d × across) / |a × b|, with the ends' whole lengths.
+        let turned = |d: DVec3| {
+            let turned = d.cross(across);
+            (turned - n * n.dot(turned)) * (ratio / (distances[i] * distances[j]))
+        };
+        let column = |d: DVec3| 0.5 * (n * by_angle.dot(d) + turned(d));
+        slope += DMat3::from_cols(column(DVec3::X), column(DVec3::Y), column(DVec3::Z));
+    }
+    let determinant = unit[0].dot(crosses[1]);
+    let longest = 2.0 - 2.0 * [0, 1, 2].map(|i| unit[i].dot(unit[(i + 1) % 3])).into_iter().fold(1.0, f64::min);
+    if determinant.abs() < EDGE_ON * longest && m.length() < FACED {
+        return rule.weights_with_slopes(corners);
+    }
+    let opposite = |i: usize| crosses[(i + 1) % 3];
+    let weights = [0, 1, 2].map(|i| opposite(i).dot(m) / (distances[i] * determinant));
+    let whole: f64 = weights.iter().sum();
+    let transposed = slope.transpose();
+    let slopes = [0, 1, 2].map(|i| (transposed * opposite(i) + opposite(i) * whole) / (distances[i] * determinant));
+    (weights, slopes)
+}
+
+/// A rule for integrals over triangles: barycentric coordinates and weights, which sum to ½.
+struct Rule(Vec<([f64; 3], f64)>);
+
+/// `∫∫ b_i / |p(b)|⁴ db` and its derivatives by p for the three corners.
+#[derive(Default)]
+struct Integrals {
+    values: [f64; 3],
+    slopes: [DVec3; 3],
+}
+
+impl Rule {
+    /// The square's rule, collapsed to a triangle.
+    fn new() -> Self {
+        let line = gauss_legendre(RULE);
+        let at =
+            |[x, wx]: [f64; 2], [y, wy]: [f64; 2]| ([x, (1.0 - x) * y, (1.0 - x) * (1.0 - y)], wx * wy * (1.0 - x));
+        Self(line.iter().flat_map(|x| line.iter().map(move |y| at(*x, *y))).collect())
+    }
+
+    /// The weights of a triangle whose corners are given as seen from p.
+    fn weights(&self, corners: [DVec3; 3]) -> [f64; 3] {
+        let determinant = determinant(corners);
+        if determinant == 0.0 {
+            return [0.0; 3];
+        }
+        self.integrals(corners).values.map(|w| w * determinant)
+    }
+
+    /// The same with their derivatives by p.
+    fn weights_with_slopes(&self, corners: [DVec3; 3]) -> ([f64; 3], [DVec3; 3]) {
+        let [a, b, c] = corners;
+        let determinant = determinant(corners);
+        let slope = -(a.cross(b) + b.cross(c) + c.cross(a));
+        let Integrals { values, slopes } = self.integrals(corners);
+        (values.map(|w| w * determinant), [0, 1, 2].map(|i| slopes[i] * determinant + slope * values[i]))
+    }
+
+    fn integrals(&self, corners: [DVec3; 3]) -> Integrals {
+        let mut sum = Integrals::default();
+        let whole = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0]];
+        self.add(corners, whole, HALVINGS, &mut sum);
+        sum
+    }
+
+    /// Adds those over a part, whose corners have the barycentric coordinates `part`.
+    fn add(&self, corners: [DVec3; 3], part: [[f64; 3]; 3], halvings: usize, sum: &mut Integrals) {
+        let at = |b: [f64; 3]| corners[0] * b[0] + corners[1] * b[1] + corners[2] * b[2];
+        let ends = part.map(at);
+        let longest = (0..3).map(|i| ends[i].distance(ends[(i + 1) % 3])).fold(0.0, f64::max);
+        let nearest = closest_on_triangle(DVec3::ZERO, ends);
+        let distance = (ends[0] * nearest[0] + ends[1] * nearest[1] + ends[2] * nearest[2]).length();
+        if halvings > 0 && longest > NEAR * distance {
+            let middle = |i: usize, j: usize| [0, 1, 2].map(|x| 0.5 * (part[i][x] + part[j][x]));
+            let [a, b, c] = [middle(1, 2), middle(2, 0), middle(0, 1)];
+            for quarter in [[part[0], c, b], [c, part[1], a], [b, a, part[2]], [a, b, c]] {
+                self.add(corners, quarter, halvings - 1, sum);
+            }
+            return;
+        }
+        let share = 0.25_f64.powi((HALVINGS - halvings) as i32);
+        for (b, weight) in &self.0 {
+            let b = [0, 1, 2].map(|x| b[0] * part[0][x] + b[1] * part[1][x] + b[2] * part[2][x]);
+            let p = at(b);
+            let squared = p.length_squared();
+            let value = weight * share / (squared * squared);
+            let slope = p * (4.0 * value / squared);
+            for i in 0..3 {
+                sum.values[i] += b[i] * value;
+                sum.slopes[i] += slope * b[i];
+            }
+        }
+    }
+}
+
+fn determinant([a, b, c]: [DVec3; 3]) -> f64 {
+    a.dot(b.cross(c))
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::shapes;
+    use proptest::prelude::*;
+
+    fn coordinates(cage: &Cage, points: &[DVec3]) -> Vec<Vec<f64>> {
+        let stride = cage.vertices().len();
+        let mut rows = vec![f64::NAN; points.len() * stride];
+        fill_mean_value(cage, points, stride, &mut rows);
+        rows.chunks(stride).map(<[f64]>::to_vec).collect()
+    }
+
+    fn sphere() -> Cage {
+        Cage::new(shapes::icosphere(1)).unwrap()
+    }
+
+    fn error(cage: &Cage, row: &[f64], point: DVec3) -> f64 {
+        let image: DVec3 = row.iter().zip(cage.vertices()).map(|(w, v)| *v * *w).sum();
+        (row.iter().sum::<f64>() - 1.0).abs().max(image.distance(point))
+    }
+
+    /// `Σ w_i` of the definition, `∫ b_i / r dω`, by brute force over the directions, from p = 0 in an octahedron: by symmetry 1/6 each; and off
+    /// the centre by the rule, far from every plane.
+    #[test]
+    fn the_closed_form_is_the_integral() {
+        let rule = Rule::new();
+        let corners = [DVec3::new(1.0, 0.1, 0.3), DVec3::new(0.2, 1.1, 0.1), DVec3::new(0.1, -0.2, 0.9)];
+        let (closed, slopes) = weights_with_slopes(&rule, corners);
+        let (integrated, integrated_slopes) = rule.weights_with_slopes(corners);
+        for i in 0..3 {
+            assert!((closed[i] - integrated[i]).abs() <= 1e-9, "{closed:?} {integrated:?}");
+            assert!(slopes[i].distance(integrated_slopes[i]) <= 1e-8, "{slopes:?} {integrated_slopes:?}");
+        }
+        assert!(rule.weights(corners).iter().zip(integrated).all(|(a, b)| *a == b));
+    }
+
+    #[test]
+    fn an_octahedron_shares_its_centre_equally() {
+        let points = vec![DVec3::X, -DVec3::X, DVec3::Y, -DVec3::Y, DVec3::Z, -DVec3::Z];
+        let mut faces = Vec::new();
+        for (x, y, z) in (0..8).map(|s| (s & 1, 2 + (s >> 1 & 1), 4 + (s >> 2 & 1))) {
+            let is_turned = (x + y + z) % 2 == 1;
+            faces.push(if is_turned { [x, z, y] } else { [x, y, z] });
+        }
+        let cage = Cage::new(crate::Mesh::new(points, faces.into()).unwrap()).unwrap();
+        let rows = coordinates(&cage, &[DVec3::ZERO]);
+        assert!(rows[0].iter().all(|w| (w - 1.0 / 6.0).abs() <= 1e-15), "{rows:?}");
+    }
+
+    #[test]
+    fn points_on_the_cage_have_the_coordinates_of_their_triangle() {
+        let cage = sphere();
+        let corners = cage.triangles()[7];
+        let [a, b, c] = cage.corners(7);
+        let points = [a, (a + b) / 2.0, a * 0.2 + b * 0.3 + c * 0.5];
+        let expected = [[1.0, 0.0, 0.0], [0.5, 0.5, 0.0], [0.2, 0.3, 0.5]];
+        for (row, expected) in coordinates(&cage, &points).iter().zip(expected) {
+            let mut whole = vec![0.0; row.len()];
+            corners.iter().zip(expected).for_each(|(v, w)| whole[*v as usize] = w);
+            assert!(row.iter().zip(&whole).all(|(a, b)| (a - b).abs() <= 1e-13), "{row:?}");
+        }
+    }
+
+    /// The coordinates are continuous: near a triangle, an edge and a vertex they are those on it, up to about the distance.
+    #[test]
+    fn near_the_cage_nothing_is_lost() {
+        let cage = sphere();
+        let [a, b, c] = cage.corners(7);
+        let normal = (b - a).cross(c - a).normalize();
+        let places = [a, a * 0.4 + b * 0.6, a * 0.2 + b * 0.3 + c * 0.5, b * 0.999_999 + c * 0.000_001];
+        for on in places {
+            let there = &coordinates(&cage, &[on])[0];
+            for exponent in 1..=18 {
+                for sign in [-1.0, 1.0] {
+                    let direction = (normal + DVec3::new(0.1, -0.2, 0.15)).normalize();
+                    let distance = 10.0_f64.powi(-exponent);
+                    let point = on + direction * (sign * distance);
+                    let row = &coordinates(&cage, &[point])[0];
+                    assert!(error(&cage, row, point) <= 2e-14, "{on} {exponent} {sign} {}", error(&cage, row, point));
+                    let apart = row.iter().zip(there).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                    assert!(apart <= 40.0 * distance + 1e-14, "{on} {exponent} {sign}: {apart:e}");
+                }
+            }
+        }
+    }
+
+    /// Points in the planes of faces that they do not touch, and near them: the coordinates agree with those of points a little farther on, to which
+    /// the closed form applies.
+    #[test]
+    fn planes_of_far_faces_are_crossed_smoothly() {
+        // An L-shaped cage: the planes of its inner faces cut through its inside.
+        let cage = Cage::new(l_shape()).unwrap();
+        for at in [DVec3::new(0.4, 1.0, 0.5), DVec3::new(1.0, 0.4, 0.3), DVec3::new(0.2, 1.0, 0.999)] {
+            for normal in [DVec3::X, DVec3::Y] {
+                let row = |h: f64| coordinates(&cage, &[at + normal * h]).remove(0);
+                let slope = |h: f64| {
+                    let (up, down) = (row(h), row(-h));
+                    up.iter().zip(&down).map(|(a, b)| (a - b) / (2.0 * h)).collect::<Vec<f64>>()
+                };
+                let mean: Vec<f64> = row(0.01).iter().zip(row(-0.01)).map(|(a, b)| 0.5 * (a + b)).collect();
+                assert!(row(0.0).iter().zip(&mean).all(|(a, b)| (a - b).abs() <= 2e-3));
+                let wide = slope(1e-2);
+                for h in [1e-3, 1e-4, 1e-5] {
+                    let apart = slope(h).iter().zip(&wide).map(|(a, b)| (a - b).abs()).fold(0.0, f64::max);
+                    assert!(apart <= 0.2, "{at} {normal} {h}: {apart}");
+                }
+                // Across the border of the two formulas there is no step.
+                let (a, b) = (row(EDGE_ON * 0.999), row(EDGE_ON * 1.001));
+                assert!(a.iter().zip(&b).all(|(a, b)| (a - b).abs() <= 1e-4));
+                for h in [0.0, 1e-17, 1e-12, 1e-8, 1e-4] {
+                    let point = at + normal * h;
+                    assert!(error(&cage, &row(h), point) <= 5e-15, "{at} {h} {}", error(&cage, &row(h), point));
+                }
+            }
+        }
+    }
+
+    fn l_shape() -> crate::Mesh {
+        let outline = [[0.0, 0.0], [2.0, 0.0], [2.0, 1.0], [1.0, 1.0], [1.0, 2.0], [0.0, 2.0]];
+        let level = |z: f64| outline.map(|[x, y]| DVec3::new(x, y, z));
+        let points = [level(0.0), level(1.0)].concat();
+        let mut faces = crate::Faces::new();
+        for corners in [[0, 1, 2, 3], [0, 3, 4, 5]] {
+            faces.push(&[corners[0], corners[3], corners[2], corners[1]]);
+            faces.push(&corners.map(|v| v + 6));
+        }
+        (0..6).for_each(|i| faces.push(&[i, (i + 1) % 6, 6 + (i + 1) % 6, 6 + i]));
+        crate::Mesh::new(points, faces).unwrap()
+    }
+
+    proptest! {
+        #[test]
+        fn constants_and_positions_are_reproduced_everywhere(p in prop::array::uniform3(-2.0..2.0)) {
+            let p = DVec3::from_array(p);
+            for cage in [sphere(), Cage::new(l_shape()).unwrap()] {
+                let row = &coordinates(&cage, &[p])[0];
+                let scale: f64 = row.iter().map(|w| w.abs()).sum();
+                prop_assert!(error(&cage, row, p) <= 2e-14 * scale, "{}", error(&cage, row, p));
+            }
+        }
+
+        /// The same row whatever points stand beside it.
+        #[test]
+        fn rows_do_not_depend_on_their_neighbours(p in prop::array::uniform3(-1.0..1.0), q in prop::array::uniform3(-1.0..1.0)) {
+            let (p, q) = (DVec3::from_array(p), DVec3::from_array(q));
+            let cage = sphere();
+            let alone = coordinates(&cage, &[p]);
+            let beside = coordinates(&cage, &[q, q, p, DVec3::ZERO, p]);
+            prop_assert_eq!(&alone[0], &beside[2]);
+            prop_assert_eq!(&alone[0], &beside[4]);
+        }
+
+        #[test]
+        fn jacobians_are_the_derivatives(p in prop::array::uniform3(-0.5..0.5), x in 0..3_usize) {
+            let p = DVec3::from_array(p);
+            for cage in [sphere(), Cage::new(l_shape()).unwrap()] {
+                let p = if cage.extent() == 2.0 && !cage.contains(DVec3::ZERO) { p + DVec3::new(0.5, 0.5, 0.5) } else { p };
+                prop_assume!(cage.distance(p) > 0.05);
+                let posed: Vec<DVec3> =
+                    cage.vertices().iter().map(|v| *v + DVec3::new(v.y * v.y, 0.3 * v.x, v.x * v.y * v.z)).collect();
+                let at = |p: DVec3| -> DVec3 { coordinates(&cage, &[p])[0].iter().zip(&posed).map(|(w, c)| *c * *w).sum() };
+                let h = 1e-4;
+                let step = DVec3::AXES[x] * h;
+                let measured = ((at(p + step) - at(p - step)) * 8.0 - (at(p + 2.0 * step) - at(p - 2.0 * step))) / (12.0 * h);
+                let jacobian = mean_value_jacobians(&cage, &[p], &posed)[0];
+                prop_assert!(jacobian.col(x).distance(measured) <= 1e-7, "{} {measured}", jacobian.col(x));
+            }
+        }
+    }
+
+    #[test]
+    fn a_cage_at_rest_has_the_identity_for_a_jacobian() {
+        let cage = sphere();
+        let points = [DVec3::ZERO, DVec3::new(0.3, 0.2, -0.1), cage.vertices()[3], cage.corners(4)[0]];
+        for jacobian in mean_value_jacobians(&cage, &points, cage.vertices()) {
+            assert!(jacobian.abs_diff_eq(DMat3::IDENTITY, 1e-7), "{jacobian}");
+        }
+    }
+}
