@@ -96,6 +96,7 @@ mod edit;
 mod elastic;
 mod elastic_job;
 mod elastic_request;
+mod elementary;
 mod energy;
 mod equilibrium;
 #[cfg(feature = "serde")]
