@@ -39,7 +39,7 @@ const ATAN_Q: [f64; 5] = [
 /// What π has beyond the digits of [`PI`].
 const PI_REST: f64 = 1.224_646_799_147_353_2e-16;
 
-/// `(artanh(s) − s)/s³ = 1/3 + s²/5 + s⁴/7 + …`, highest power first. For |s| ≤ 1/5 the next term is 7e-19 of the first of the whole series.
+/// `(artanh(s) − s)/s³ = 1/3 + s²/5 + s⁴/7 + …`, highest power first. For |s| ≤ 1/5 the next term is 7e-19 of artanh s.
 const ARTANH: [f64; 11] = [
     1.0 / 23.0,
     1.0 / 21.0,
@@ -71,8 +71,8 @@ fn polynomial<S: Simd, const N: usize>(x: f64x4<S>, first: f64x4<S>, rest: &[f64
 /// the angle of the origin is 0.
 #[inline(always)]
 pub(crate) fn atan2<S: Simd>(simd: S, y: f64x4<S>, x: f64x4<S>) -> f64x4<S> {
-    let splat = |x: f64| f64x4::splat(simd, x);
-    let (zero, one) = (splat(0.0), splat(1.0));
+    // Closures would not be compiled for the processor at hand.
+    let (zero, one) = (f64x4::splat(simd, 0.0), f64x4::splat(simd, 1.0));
     let (high, wide) = (y.abs(), x.abs());
     let is_steep = high.simd_gt(wide);
     let (low, long) = (is_steep.select(wide, high), is_steep.select(high, wide));
@@ -81,14 +81,14 @@ pub(crate) fn atan2<S: Simd>(simd: S, y: f64x4<S>, x: f64x4<S>) -> f64x4<S> {
     let divisor = is_oblique.select(low + long, long);
     let t = is_oblique.select(low - long, low) / long.simd_eq(zero).select(one, divisor);
     let z = t * t;
-    let tail = t * (z * polynomial(z, splat(0.0), &ATAN_P) / polynomial(z, one, &ATAN_Q));
+    let tail = t * (z * polynomial(z, zero, &ATAN_P) / polynomial(z, one, &ATAN_Q));
     // ± t with its tail, from a multiple of π/4.
-    let quarter = is_oblique.select(splat(FRAC_PI_4), zero);
+    let quarter = is_oblique.select(f64x4::splat(simd, FRAC_PI_4), zero);
     let (t, tail) = (is_steep.select(-t, t), is_steep.select(-tail, tail));
-    let base = is_steep.select(splat(FRAC_PI_2) - quarter, quarter);
+    let base = is_steep.select(f64x4::splat(simd, FRAC_PI_2) - quarter, quarter);
     let is_left = x.simd_lt(zero);
     let (t, tail) = (is_left.select(-t, t), is_left.select(-tail, tail));
-    let base = is_left.select(splat(PI) - base, base);
+    let base = is_left.select(f64x4::splat(simd, PI) - base, base);
     (base + (t + (tail + base * (PI_REST / PI)))).copysign(y)
 }
 

@@ -109,6 +109,7 @@ mod gauss;
 mod geodesic;
 mod goals;
 mod gradient;
+mod green;
 mod health;
 mod height_scale;
 mod homogeneous;
@@ -199,6 +200,7 @@ pub use flatten::{
 };
 pub use geodesic::Geodesic;
 pub use goals::{Components, VolumeGoal};
+pub use green::{green_coordinates, stretched_normals};
 pub use health::{ComponentHealth, Health, Source, Verdict};
 pub use height_scale::{HeightScale, HeightScaleError, scaled_heights};
 pub use interpolation::Smoothness;

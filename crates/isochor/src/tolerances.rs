@@ -63,6 +63,10 @@ pub const SURFACE_FLOOR: f64 = 1e-2;
 /// outside; smaller: the rounding of a sum over millions of triangles makes clear answers unclear.
 pub const WINDING: f64 = 1e-6;
 
+/// A point inside a cage has Green coordinates without a continuation where its winding number is within this of 1. Larger: they sum to 1 less exactly;
+/// smaller: the rounding of a sum over thousands of triangles makes points look for the closest one.
+pub const WHOLE_WINDING: f64 = 1e-13;
+
 /// A triangle touches a point where sine and cosine of half its solid angle, over the product of the distances of its corners,
 /// say so to this precision. Larger: points near a surface say nothing; smaller: the rounding of a point on the surface
 /// decides on which side it is.
