@@ -266,6 +266,10 @@ pub struct DeformArgs {
     #[arg(long, value_name = "FILE", help_heading = "Lattice")]
     pub lattice_file: Option<PathBuf>,
 
+    /// Deform by a cage, a closed mesh, instead of a lattice: cage.obj:posed="cage-posed.obj",coordinates="green".
+    #[arg(long, value_name = "FILE[:KEYS]", help_heading = "Cage")]
+    pub cage: Option<String>,
+
     /// Twist about an axis: z=90 (degrees).
     #[arg(long, value_name = "AXIS=DEGREES", help_heading = "Edits")]
     pub twist: Vec<String>,
@@ -287,6 +291,9 @@ pub struct DeformArgs {
     /// Move control points by a vector in extents: k=5:0,0,-0.4.
     #[arg(long = "move", value_name = "NODES:X,Y,Z", help_heading = "Edits")]
     pub shift: Vec<String>,
+    /// Move control points by what of a vector in extents keeps the volume: v=3:0,0.2,0.1 (v: vertices of a cage).
+    #[arg(long, value_name = "NODES:X,Y,Z", help_heading = "Edits")]
+    pub slide: Vec<String>,
     /// Move every coordinate at random by up to so many extents: 0.05 or 0.05,SEED.
     #[arg(long, value_name = "AMPLITUDE", help_heading = "Edits")]
     pub noise: Vec<String>,
@@ -443,8 +450,8 @@ pub enum OpenArg {
 }
 
 /// The flags that are edits.
-const EDIT_FLAGS: [&str; 10] =
-    ["twist", "bend", "taper", "stretch", "rotate", "scale", "shift", "noise", "drag", "edit"];
+const EDIT_FLAGS: [&str; 11] =
+    ["twist", "bend", "taper", "stretch", "rotate", "scale", "shift", "slide", "noise", "drag", "edit"];
 
 /// Reads the command line; on bad usage, prints why and ends with exit code 2.
 pub fn parse() -> Cli {

@@ -2,9 +2,9 @@
 
 use glam::DVec3;
 use isochor::{
-    Axis, Bend, Drag, Edit, ElasticRequest, Factors, Falloff, Job, LengthUnit, Move, Noise, PartTarget, PerAxis,
-    Placement, PointRequest, Refine, RefineWord, Rotate, RotationAxis, Scale, Selector, SignedAxis, Stretch,
-    SurfaceRequest, Taper, Twist,
+    Axis, Bend, CageRequest, Coordinates, Drag, Edit, ElasticRequest, Factors, Falloff, Job, LengthUnit, Move, Noise,
+    PartTarget, PerAxis, Placement, PointRequest, Refine, RefineWord, Rotate, RotationAxis, Scale, Selector,
+    SignedAxis, Stretch, SurfaceRequest, Taper, Twist,
 };
 
 use crate::failure::Failure;
@@ -58,6 +58,7 @@ pub fn edit(flag: &'static str, text: &str) -> Result<Edit, Failure> {
         "taper" | "stretch" => (flag, "z=0.5"),
         "scale" => (flag, "1.2 or 1,1,2"),
         "shift" => ("move", "k=5:0,0,-0.4"),
+        "slide" => (flag, "v=3:0,0.2,0.1"),
         "noise" => (flag, "0.05 or 0.05,7"),
         "drag" => (flag, POINT),
         _ => return toml_edit(text),
@@ -76,7 +77,8 @@ pub fn edit(flag: &'static str, text: &str) -> Result<Edit, Failure> {
         "stretch" => axis_and_number(text)
             .map(|(axis, scale)| Edit::Stretch(Stretch { axis, scale, center: None, nodes: Selector::All })),
         "scale" => scale(text),
-        "shift" => shift(text),
+        "shift" => shift(text).map(Edit::Move),
+        "slide" => shift(text).map(Edit::Slide),
         "drag" => vertex_and_place(text).map(|point| Edit::Drag(Drag { points: vec![point], nodes: Selector::All })),
         _ => noise(text),
     };
@@ -101,10 +103,10 @@ fn scale(text: &str) -> Option<Edit> {
     Some(Edit::Scale(Scale { by, center: None, nodes: Selector::All }))
 }
 
-fn shift(text: &str) -> Option<Edit> {
+fn shift(text: &str) -> Option<Move> {
     let (nodes, by) = text.rsplit_once(':')?;
     let [x, y, z] = numbers(by)?[..] else { return None };
-    Some(Edit::Move(Move { by: DVec3::new(x, y, z), unit: LengthUnit::Extent, nodes: nodes.parse().ok()? }))
+    Some(Move { by: DVec3::new(x, y, z), unit: LengthUnit::Extent, nodes: nodes.parse().ok()? })
 }
 
 fn noise(text: &str) -> Option<Edit> {
@@ -221,6 +223,29 @@ pub fn surface(text: &str, job: &mut Job) -> Result<(), Failure> {
         save: made.save.clone().or(save),
         sheet: made.sheet.clone().or(sheet),
         ..made
+    });
+    Ok(())
+}
+
+/// `cage.obj` or `cage.obj:posed="posed.obj",coordinates="green"`, over what the job says: keys with their default values say nothing.
+pub fn cage(text: &str, request: &mut Option<CageRequest>) -> Result<(), Failure> {
+    let (name, keys) = text.split_once(':').filter(|(name, _)| name.len() > 1).unwrap_or((text, "")); // C: is a drive
+    let separator = if keys.trim().is_empty() { "" } else { ", " };
+    let toml = format!("cage = {{ file = {}{separator}{keys} }}", toml_string(name));
+    let example = "posed=\"cage-posed.obj\",coordinates=\"green\"";
+    let made = section("cage", text, &toml, example)?.cage.unwrap_or_default();
+    let said = request.take().unwrap_or_default();
+    let is_default = made.coordinates == Coordinates::default();
+    *request = Some(CageRequest {
+        file: made.file,
+        posed: made.posed.or(said.posed),
+        coordinates: if is_default { said.coordinates } else { made.coordinates },
+        outside: made.outside.or(said.outside),
+        resolution: made.resolution.or(said.resolution),
+        weights: made.weights.or(said.weights),
+        save_weights: made.save_weights.or(said.save_weights),
+        free: made.free.or(said.free),
+        planes: made.planes.or(said.planes),
     });
     Ok(())
 }

@@ -1,13 +1,14 @@
 //! `isochor deform` of a film: one model after the other, written all or not at all.
 
-use isochor::{Examination, FilmReport, FrameReport, Health, JobInput, Outcome, Stopwatch};
+use isochor::{Examination, FilmReport, FrameReport, Health, Outcome, Stopwatch};
 use isochor_io::Document;
 
 use crate::failure::Failure;
 use crate::files::Pending;
+use crate::inputs::Inputs;
 use crate::pictures::FilmPictures;
 use crate::request::{Request, Requests};
-use crate::run::{json, lattice, surface, write};
+use crate::run::{json, write};
 use crate::terminal::{Progress, Terminal};
 
 /// What there is of a frame when it has been computed.
@@ -60,9 +61,8 @@ pub fn each(
     let first = requests.frame(0)?;
     progress.begin("read");
     let document = first.model.document(first.output_format)?;
-    let (source, lattice, surface) = (first.model.source(&document), lattice(&first)?, surface(&first)?);
-    let input =
-        JobInput { mesh: document.mesh(), source: &source, lattice: lattice.as_ref(), surface: surface.as_ref() };
+    let (source, inputs) = (first.model.source(&document), Inputs::read(&first)?);
+    let input = inputs.with(&document, &source);
     let examination = Examination::of(input.mesh, &source);
     for number in 0..requests.frames() {
         progress.begin("frames");

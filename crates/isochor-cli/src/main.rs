@@ -15,6 +15,7 @@ mod files;
 mod flags;
 mod frames;
 mod info;
+mod inputs;
 mod median;
 mod memory;
 mod model;

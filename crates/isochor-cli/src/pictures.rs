@@ -1,6 +1,5 @@
 //! What is drawn of deformations.
 
-use std::borrow::Cow;
 use std::path::{Path, PathBuf};
 
 use isochor::{ColorBy, Faces, Mesh, Outcome, ViewRequest};
@@ -108,14 +107,8 @@ impl FilmPictures {
             }
             ColorBy::Displacement | ColorBy::Plain => None,
         };
-        let lattice = match &outcome.controls {
-            Some(controls) => Some(ShownLattice {
-                size: controls.lattice.size(),
-                controls: controls.posed.clone().into(),
-                springs: outcome.springs().cloned().map(Cow::Owned),
-            }),
-            None => outcome.sheet().map(|drawing| ShownLattice::of_surface(drawing.sheet())),
-        };
+        let of_surface = || outcome.sheet().map(|drawing| ShownLattice::of_surface(drawing.sheet()));
+        let lattice = ShownLattice::of_outcome(outcome).or_else(of_surface);
         self.poses.push(ShownPose {
             name: format!("t = {time:.2}"),
             points: outcome.points.clone().into(),

@@ -212,9 +212,11 @@ impl Request {
 
     /// Inputs are never overwritten, outputs never one another.
     fn check_paths(&self, job_file: Option<&Path>, in_place: bool) -> Result<(), Failure> {
+        // A lattice is saved in a format of its own, a cage as a mesh.
+        let controls = if self.job.cage.is_some() { &["obj", "ply", "stl"][..] } else { &["json"] };
         let outputs = [
             ("the report", &self.report, &["json", "html"][..]),
-            ("save-controls", &self.save_controls, &["json"]),
+            ("save-controls", &self.save_controls, controls),
             ("the picture", &self.picture, &["png"]),
             ("the animation", &self.animation, &["png"]),
             ("the sheet", &self.sheet, &["svg"]),
@@ -235,6 +237,10 @@ impl Request {
         taken.extend(job_file.map(|path| ("the job file", path)));
         taken.extend(self.lattice_file.as_deref().map(|path| ("the lattice file", path)));
         taken.extend(self.surface_file.as_deref().map(|path| ("the surface file", path)));
+        if let Some(cage) = &self.job.cage {
+            let files = [("the cage", &cage.file), ("the posed cage", &cage.posed), ("the weights", &cage.weights)];
+            taken.extend(files.into_iter().filter_map(|(what, path)| Some((what, path.as_deref()?))));
+        }
         let written = [("the output", Some(self.output.as_path()).filter(|_| !in_place))]
             .into_iter()
             .chain([("the surface", self.save_surface.as_ref().map(|(path, _)| path.as_path()))])
@@ -287,7 +293,15 @@ fn in_working_folder(mut job: Job, job_file: &Path) -> Job {
     let outputs = [&mut job.output, &mut job.report, &mut job.save_controls, &mut job.picture, &mut job.animation];
     let of_surface =
         job.surface.iter_mut().flat_map(|surface| [&mut surface.file, &mut surface.save, &mut surface.sheet]);
-    let paths = outputs.map(Option::as_mut).into_iter().chain([lattice_file]).chain(of_surface.map(Option::as_mut));
+    let of_cage = job.cage.iter_mut().flat_map(|cage| {
+        [&mut cage.file, &mut cage.posed, &mut cage.weights, &mut cage.save_weights].map(Option::as_mut)
+    });
+    let paths = outputs
+        .map(Option::as_mut)
+        .into_iter()
+        .chain([lattice_file])
+        .chain(of_surface.map(Option::as_mut))
+        .chain(of_cage);
     for path in paths.flatten() {
         *path = folder.join(&*path);
     }
@@ -321,6 +335,9 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
     apply_view_flags(job, args)?;
     apply_surface_flags(job, args)?;
     apply_lattice_flags(job, args)?;
+    if let Some(text) = &args.cage {
+        flags::cage(text, &mut job.cage)?;
+    }
     for (flag, text) in &args.edits_in_order {
         job.edit.push(flags::edit(flag, text)?);
     }

@@ -1,20 +1,20 @@
 //! Running commands.
 
+use std::path::Path;
 use std::process::ExitCode;
 
-use isochor::{JobInput, Outcome, PosedLattice, Precision, Report, Stage, Stopwatch, Surface};
-use isochor_io::{
-    Document, Format, NumberType, WriteOptions, Written, lattice_from_json, lattice_to_json, patch_from_bytes,
-};
+use isochor::{Outcome, PosedCage, Precision, Report, Stage, Stopwatch};
+use isochor_io::{Document, Format, NumberType, WriteOptions, Written, lattice_to_json};
 use isochor_view::{Figure, Page, Show};
 
 use crate::args::{Cli, Command};
 use crate::failure::Failure;
-use crate::files::{self, Pending};
+use crate::files::Pending;
+use crate::inputs::Inputs;
 use crate::model::Model;
 use crate::request::{Request, Requests, has_extension};
 use crate::terminal::Terminal;
-use crate::{bench, demo, frames, info, memory, pages, pictures, sheet_picture};
+use crate::{bench, demo, frames, info, inputs, memory, pages, pictures, sheet_picture};
 
 /// Runs what was asked and says with which code to end.
 pub fn command(cli: Cli) -> ExitCode {
@@ -55,12 +55,10 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     progress.begin("read");
     let document = request.model.document(request.output_format)?;
     let source = request.model.source(&document);
-    let (lattice, surface) = (lattice(request)?, surface(request)?);
+    let inputs = Inputs::read(request)?;
     watch.lap("read");
 
-    let input =
-        JobInput { mesh: document.mesh(), source: &source, lattice: lattice.as_ref(), surface: surface.as_ref() };
-    let mut outcome = request.job.run(&input, &mut |stage| progress.begin(stage.name()))?;
+    let mut outcome = request.job.run(&inputs.with(&document, &source), &mut |stage| progress.begin(stage.name()))?;
 
     let mut writing = Stopwatch::start();
     progress.begin("write");
@@ -105,20 +103,6 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     Ok(report)
 }
 
-/// The lattice file of a request, if it names one.
-pub fn lattice(request: &Request) -> Result<Option<PosedLattice>, Failure> {
-    let Some(path) = &request.lattice_file else { return Ok(None) };
-    let lattice = lattice_from_json(&files::text(path)?);
-    lattice.map(Some).map_err(|error| Failure::lattice_file(path, &error))
-}
-
-/// The surface in the file that a request names, if it names one.
-pub fn surface(request: &Request) -> Result<Option<Surface>, Failure> {
-    let (Some(path), Some(surface)) = (&request.surface_file, &request.job.surface) else { return Ok(None) };
-    let patch = patch_from_bytes(&files::bytes(path)?, surface.patch);
-    patch.map(|patch| Some(Surface::from(patch))).map_err(|error| Failure::surface_file(path, &error))
-}
-
 /// Adds the files of an outcome to those that are pending, all but its report, and to its report what was written.
 pub fn write(
     request: &Request,
@@ -132,11 +116,14 @@ pub fn write(
     outcome.measure_written(&written.points);
     pending.add(&request.output, &written.bytes)?;
     if let Some(path) = &request.save_controls {
-        let Some(controls) = &outcome.controls else {
-            let what = "there is no lattice to save: the job has neither a lattice nor an edit";
-            return Err(Failure::file(path, what, "leave save-controls out, or name a lattice"));
-        };
-        pending.add(path, lattice_to_json(controls).as_bytes())?;
+        match (&outcome.controls, &outcome.cage) {
+            (Some(controls), _) => pending.add(path, lattice_to_json(controls).as_bytes())?,
+            (None, Some(cage)) => pending.add(path, &posed_cage(request, cage, path)?)?,
+            (None, None) => {
+                let what = "there is no lattice to save: the job has neither a lattice nor a cage nor an edit";
+                return Err(Failure::file(path, what, "leave save-controls out, or name a lattice"));
+            }
+        }
     }
     let Some(drawing) = outcome.sheet() else { return Ok(()) };
     if let Some((path, format)) = &request.save_surface {
@@ -151,6 +138,21 @@ pub fn write(
         pending.add(path, sheet_picture::svg(&drawing, path)?.as_bytes())?;
     }
     Ok(())
+}
+
+/// The posed cage as a file: in the format of the cage's own, everything else that it holds is kept.
+fn posed_cage(request: &Request, cage: &PosedCage, path: &Path) -> Result<Vec<u8>, Failure> {
+    let failed = |error: isochor_io::WriteError| Failure::write(path, &error);
+    let format = Format::from_path(path).map_err(|error| Failure::read(path, &error))?;
+    let file = request.job.cage.as_ref().and_then(|cage| cage.file.as_deref());
+    if let Some(file) = file.filter(|file| Format::from_path(file).is_ok_and(|of_file| of_file == format)) {
+        let options = WriteOptions { precision: Precision::F64, jacobians: None };
+        return Ok(inputs::document(file)?.with_points(&cage.posed, &options).map_err(failed)?.bytes);
+    }
+    let mesh = cage.mesh.with_points(cage.posed.clone());
+    let mesh = mesh.map_err(|error| failed(isochor_io::WriteError::Document(error.to_string())))?;
+    let number = if format == Format::Stl { NumberType::F32 } else { NumberType::F64 };
+    Ok(Document::from_mesh(&mesh, format, number).map_err(failed)?.bytes().to_vec())
 }
 
 /// The output file's bytes, and what a user should know about them.

@@ -332,7 +332,7 @@ mod tests {
     #[test]
     fn several_volumes_have_a_line_each_up_to_a_limit() {
         let mesh = shapes::hollow_sphere(1, 0.5);
-        let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+        let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None };
         let mut report = Job::default().run(&input, &mut |_| {}).unwrap().report;
         assert_eq!(volume_lines(&report).len(), 2, "nothing was asked");
         let (target, relative_error) = (Some(2.0), Some(0.0));

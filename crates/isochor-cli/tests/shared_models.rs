@@ -275,8 +275,10 @@ fn every_model_keeps_its_volume_exactly_or_says_why_it_has_none() {
         }
         let Ok(document) = read(&row["file"]) else { continue };
         let (source, health) = (source(&document), health(&document));
-        let outcome =
-            job.run(&JobInput { mesh: document.mesh(), source: &source, lattice: None, surface: None }, &mut |_| {});
+        let outcome = job.run(
+            &JobInput { mesh: document.mesh(), source: &source, lattice: None, surface: None, cage: None },
+            &mut |_| {},
+        );
         let fault = match outcome {
             Ok(outcome) => {
                 let volume = outcome.report.volume.unwrap().overall;
@@ -416,7 +418,8 @@ fn automatic_mobility_corrects_real_models_where_they_lost_volume() {
     };
     for file in ["derived/bunny-filled-derived.ply", "open/bunny-35947v.ply", "closed/armadillo-43243v.ply"] {
         let document = read(file).unwrap();
-        let input = JobInput { mesh: document.mesh(), source: &source(&document), lattice: None, surface: None };
+        let input =
+            JobInput { mesh: document.mesh(), source: &source(&document), lattice: None, surface: None, cage: None };
         let [auto, uniform] = ["auto", "uniform"].map(|mobility| {
             let outcome = Job::from_toml(&toml(mobility)).unwrap().run(&input, &mut |_| {}).unwrap();
             let volume = outcome.report.volume.as_ref().unwrap().overall;

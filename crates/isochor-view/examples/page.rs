@@ -64,7 +64,8 @@ fn main() -> Result<(), Box<dyn Error>> {
 /// Runs the job, writes its page, and gives what the index says of it.
 fn written(folder: &Path, name: &str, mesh: &Mesh, text: &str, up: Axis) -> Result<IndexEntry, Box<dyn Error>> {
     let job = Job::from_toml(text)?;
-    let outcome = job.run(&JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None }, &mut |_| {})?;
+    let outcome =
+        job.run(&JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None, cage: None }, &mut |_| {})?;
     let course = outcome.course();
     let show = Show::of_job(mesh, &outcome, course.as_ref());
     let report = &outcome.report;

@@ -35,8 +35,10 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         Some(job) => Job::from_toml(&std::fs::read_to_string(job)?)?,
         None => Job::from_toml(JOB)?,
     };
-    let outcome =
-        job.run(&JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None }, &mut |_stage| {})?;
+    let outcome = job.run(
+        &JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None },
+        &mut |_stage| {},
+    )?;
     let course = outcome.course();
     let show = Show::of_job(&mesh, &outcome, course.as_ref());
     let coloring = match (has("plain"), has("displacement")) {

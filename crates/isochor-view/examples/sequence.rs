@@ -24,7 +24,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let job = format!("[lattice]\nsize = [4, 4, 8]\n[[edit]]\n{bend}\n[preserve]\nvolume = '100%'");
         let job = Job::from_toml(&job)?;
         let outcome = job.run(
-            &JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None },
+            &JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None },
             &mut |_stage| {},
         )?;
         let course = outcome.course().ok_or("a bend deforms")?;
@@ -35,7 +35,8 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             lattice: Some(ShownLattice {
                 size: controls.lattice.size(),
                 controls: controls.posed.into(),
-                springs: None,
+                net: None,
+                planes: Vec::new(),
             }),
             volume: outcome.report.volume.map(|volume| volume.overall.corrected),
             volume_change: Some(course.corrected_change.into()),

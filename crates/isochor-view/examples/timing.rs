@@ -32,7 +32,12 @@ fn main() {
         ShownPose {
             name: name.into(),
             points: posed(mesh.points()).into(),
-            lattice: Some(ShownLattice { size: [CONTROLS; 3], controls: posed(&controls).into(), springs: None }),
+            lattice: Some(ShownLattice {
+                size: [CONTROLS; 3],
+                controls: posed(&controls).into(),
+                net: None,
+                planes: Vec::new(),
+            }),
             volume: Some(0.3 * squash),
             volume_change: Some(mesh.points().iter().map(|p| squash * (1.0 + 0.15 * p.x)).collect()),
         }

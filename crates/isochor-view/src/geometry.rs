@@ -15,7 +15,7 @@
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
 use glam::DVec3;
-use isochor::{Axis, Bounds, Faces, Mesh, coarse_triangles, fan};
+use isochor::{Axis, Bounds, Faces, Mesh, NetKind, coarse_triangles, fan};
 use serde_json::{Value, json};
 
 use crate::show::{Show, ShownLattice, ShownPose};
@@ -43,7 +43,7 @@ pub struct Geometry {
     /// The local volume change at the end of the colour scale; none where no pose has changes.
     pub scale: Option<f64>,
     pub has_lattice: bool,
-    pub has_springs: bool,
+    pub net: Option<NetKind>,
 }
 
 impl Geometry {
@@ -63,14 +63,10 @@ impl Geometry {
                 let [u, v, w] = lattice.size;
                 let count = lattice.controls.len();
                 assert_eq!(count, u * v * w, "control points of the pose {:?}", pose.name);
-                if let Some(springs) = &lattice.springs {
-                    assert_eq!(springs.is_held.len(), count, "nodes that are held or not, of the pose {:?}", pose.name);
+                if let Some(net) = &lattice.net {
+                    assert_eq!(net.is_held.len(), count, "nodes that are held or not, of the pose {:?}", pose.name);
                     let is_node = |end: &u32| (*end as usize) < count;
-                    assert!(
-                        springs.ends.as_flattened().iter().all(is_node),
-                        "ends of springs of the pose {:?}",
-                        pose.name
-                    );
+                    assert!(net.ends.as_flattened().iter().all(is_node), "ends of lines of the pose {:?}", pose.name);
                 }
             }
         }
@@ -104,19 +100,19 @@ impl Geometry {
         let changes: Vec<Option<Vec<f32>>> =
             show.poses.iter().map(|pose| pose.volume_change.as_deref().map(at_places)).collect();
         let scale = scale(changes.iter().flatten().flatten().copied());
-        let (mut has_lattice, mut has_springs) = (false, false);
+        let (mut has_lattice, mut kind) = (false, None);
         let mut lattice = |shown: &ShownLattice| {
             let controls = frame.near(&shown.controls);
             let is_finite = controls.as_flattened().iter().all(|x| x.is_finite());
             has_lattice |= is_finite;
             if is_finite {
-                let springs = shown.springs.as_deref();
-                has_springs |= springs.is_some();
+                let net = shown.net.as_deref();
+                kind = kind.or(net.map(|net| net.kind));
                 json!({
                     "size": shown.size,
                     "controls": floats(controls.as_flattened()),
-                    "springs": springs.map(|springs| integers(springs.ends.as_flattened())),
-                    "held": springs.map(|springs| base64(springs.is_held.iter().map(|held| u8::from(*held)))),
+                    "springs": net.map(|net| integers(net.ends.as_flattened())),
+                    "held": net.map(|net| base64(net.is_held.iter().map(|held| u8::from(*held)))),
                 })
             } else {
                 Value::Null
@@ -147,7 +143,7 @@ impl Geometry {
             left_out: show.faces.len() - show.faces.iter().filter(is_whole).count(),
             scale,
             has_lattice,
-            has_springs,
+            net: kind,
         }
     }
 }

@@ -10,7 +10,7 @@
 //!
 //! let mesh = shapes::icosphere(3);
 //! let job = Job::from_toml("[[edit]]\nstretch = { axis = 'z', scale = 0.4 }").unwrap();
-//! let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+//! let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None };
 //! let outcome = job.run(&input, &mut |_stage| {}).unwrap();
 //! let course = outcome.course();
 //! let show = Show::of_job(&mesh, &outcome, course.as_ref());

@@ -8,7 +8,7 @@ use std::fmt::Write as _;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use isochor::{Axis, ComponentHealth, Health, PartRow, Report, Role, Verdict, VolumeReport, VolumeRow};
+use isochor::{Axis, ComponentHealth, Health, NetKind, PartRow, Report, Role, Verdict, VolumeReport, VolumeRow};
 use maud::{DOCTYPE, Markup, PreEscaped, html};
 use sha2::{Digest, Sha256};
 
@@ -280,9 +280,13 @@ fn viewer(show: &Show, geometry: &Geometry, has_pictures: bool) -> Markup {
                         " Keys: arrows, + and −, 0, 1 to " (show.poses.len().min(9)) ", and the first letters of the buttons."
                     }
                 }
-                @if geometry.has_springs {
+                @if let Some(kind) = geometry.net {
                     span.hint {
-                        "Lines are springs. Nodes in " span.held-key { "orange" } " are held, the others are free."
+                        @match kind {
+                            NetKind::Springs => "Lines are springs. Nodes in ",
+                            NetKind::Cage => "Lines are edges of the cage. Vertices in ",
+                        }
+                        "" span.held-key { "orange" } " are held, the others are free."
                     }
                 }
                 @if shown < of {

@@ -3,6 +3,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
+use isochor::{Bounds, DragPlane, NetKind};
 
 use crate::camera::Camera;
 use crate::color_scale::{ColorScale, NO_VALUE};
@@ -149,7 +150,9 @@ impl Panel<'_> {
         let zoom = (self.size[0].min(self.size[1]) as f64 / REFERENCE).max(1.0);
         let size = lattice.size;
         let seen = &seen[..nodes(size, seen.len())];
-        let most = size.into_iter().max().unwrap_or(0);
+        // Vertices of a cage are not in each other's way.
+        let is_cage = lattice.net.as_ref().is_some_and(|net| net.kind == NetKind::Cage);
+        let most = if is_cage { 1 } else { size.into_iter().max().unwrap_or(0) };
         let crowd = (ROOMY / most as f64).min(1.0);
         // On one of the six sides, both of them.
         let is_shown = |[a, b]: [[usize; 3]; 2]| {
@@ -167,13 +170,23 @@ impl Panel<'_> {
             let width = zoom * (width * crowd).max(2.0 * LINE_WIDTH);
             is_shown([place(size, node); 2]).then(|| Stroke::dot(screen, seen[node], width, strength))?
         };
-        if let Some(springs) = &lattice.springs {
-            let spring = |[a, b]: &[u32; 2]| line([*a as usize, *b as usize], SPRING_WIDTH, SPRING_STRENGTHS);
-            let is_held = |node: usize| springs.is_held.get(node) == Some(&true);
+        if let Some(net) = &lattice.net {
+            let (width, strengths) = match net.kind {
+                NetKind::Springs => (SPRING_WIDTH, SPRING_STRENGTHS),
+                NetKind::Cage => (LINE_WIDTH, LINE_STRENGTHS),
+            };
+            let spring = |[a, b]: &[u32; 2]| line([*a as usize, *b as usize], width, strengths);
+            let is_held = |node: usize| net.is_held.get(node) == Some(&true);
             let (held, free): (Vec<usize>, Vec<usize>) = (0..seen.len()).partition(|node| is_held(*node));
             let dots = |nodes: Vec<usize>| nodes.into_iter().filter_map(|node| dot(node, NODE_WIDTH)).collect();
+            // A net of lines in each drag plane, about its vertex.
+            let planes = lattice.planes.iter().flat_map(|plane| plane_lines(plane, PLANE * extent(&lattice.controls)));
+            let planes = planes.filter_map(|ends| {
+                let ends = ends.map(|p| self.camera.seen(p));
+                Stroke::line(screen, ends, zoom * SPRING_WIDTH, strength(LINE_STRENGTHS, (ends[0] + ends[1]) / 2.0))
+            });
             return Strokes {
-                lines: springs.ends.iter().filter_map(spring).collect(),
+                lines: net.ends.iter().filter_map(spring).chain(planes).collect(),
                 dots: dots(free),
                 held: dots(held),
             };
@@ -186,6 +199,28 @@ impl Panel<'_> {
             held: Vec::new(),
         }
     }
+}
+
+/// Half the side of a drag plane as it is drawn, in extents of the controls. Larger: it hides the model; smaller: one cannot tell how it lies.
+const PLANE: f64 = 0.16;
+
+/// Lines in a drag plane through the vertex, up to `reach` from it, and its normal, half as long.
+fn plane_lines(plane: &DragPlane, reach: f64) -> Vec<[DVec3; 2]> {
+    const LINES: i32 = 2; // on either side of the middle
+    let Some(normal) = plane.gradient.try_normalize() else { return Vec::new() };
+    let (u, v) = normal.any_orthonormal_pair();
+    let line = |along: DVec3, across: DVec3, k: i32| {
+        let middle = plane.origin + across * (reach * f64::from(k) / f64::from(LINES));
+        [middle - along * reach, middle + along * reach]
+    };
+    let grid = (-LINES..=LINES).flat_map(|k| [line(u, v, k), line(v, u, k)]);
+    grid.chain([[plane.origin, plane.origin + normal * (reach / 2.0)]]).collect()
+}
+
+/// The longest side of the box round finite points.
+fn extent(points: &[DVec3]) -> f64 {
+    let finite: Vec<DVec3> = points.iter().copied().filter(|p| p.is_finite()).collect();
+    Bounds::of(&finite).map_or(0.0, |bounds| bounds.extent())
 }
 
 /// Number of control points that both a lattice of this size and its positions have.

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use isochor::Bounds;
+use isochor::{Bounds, NetDrawing, NetKind};
 
 use crate::camera::{Camera, View};
 use crate::color_scale::ColorScale;
@@ -243,8 +243,10 @@ impl<'a> Scene<'a> {
         let rows = poses.len().div_ceil(columns).max(1);
         let [across, down] = [self.size[0] + page.gap, self.rows.len() + page.caption];
         let title = if self.options.title.is_some() { page.title } else { 0 };
-        let has_springs = poses.iter().filter_map(|pose| self.lattice(*pose)).any(|lattice| lattice.springs.is_some());
-        let key = if has_springs { page.key } else { 0 };
+        let is_keyed = |net: &NetDrawing| net.kind == NetKind::Springs || net.is_held.contains(&true);
+        let nets = poses.iter().filter_map(|pose| self.lattice(*pose)?.net.as_deref());
+        let has_key = nets.into_iter().any(is_keyed);
+        let key = if has_key { page.key } else { 0 };
         let legend = if self.scale.is_some() { page.legend } else { 0 };
         let width = 2 * page.margin + columns * across - page.gap;
         let height = 2 * page.margin + title + rows * down + key + legend;
@@ -267,7 +269,7 @@ impl<'a> Scene<'a> {
             page.plain.write_centered(&mut image, &volume, [middle, below], self.size[0] as f32);
         }
         let below = page.margin + title + rows * down;
-        if has_springs {
+        if has_key {
             NodeKey { lettering: page.plain }.draw(&mut image, [middle, below as f32]);
         }
         if let Some(scale) = &self.scale {

@@ -17,6 +17,9 @@ pub fn phrases(text: &str) -> Vec<String> {
         let [u, v, w] = size.each();
         phrases.push(format!("a lattice of {u} × {v} × {w} control points"));
     }
+    if let Some(cage) = &job.cage {
+        phrases.push(format!("a cage with {} coordinates", cage.coordinates.name()));
+    }
     phrases.extend(job.edit.iter().map(edit));
     phrases.push(volume(&job.preserve.volume));
     let preserve = &job.preserve;
@@ -79,6 +82,7 @@ fn edit(edit: &Edit) -> String {
         Edit::Taper(taper) => format!("taper to {} along {}", percent(taper.scale), letter(taper.axis)),
         Edit::Stretch(stretch) => format!("stretch to {} along {}", percent(stretch.scale), letter(stretch.axis)),
         Edit::Move(by) => format!("move by {}{}", vector(by.by), unit(by.unit)),
+        Edit::Slide(by) => format!("slide at constant volume by what it allows of {}{}", vector(by.by), unit(by.unit)),
         Edit::Rotate(rotate) => {
             let axis = match rotate.axis {
                 RotationAxis::Coordinate(axis) => letter(axis).into(),

@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use glam::DVec3;
-use isochor::{Course, Faces, Mesh, Outcome, Sheet, SpringDrawing};
+use isochor::{Course, DragPlane, Faces, Mesh, NetDrawing, Outcome, PosedCage, PosedLattice, Sheet};
 
 /// Poses of one model.
 #[derive(Clone, Debug)]
@@ -36,8 +36,10 @@ pub struct ShownLattice<'a> {
     pub size: [usize; 3],
     /// Positions (#controls × 3), model coordinates.
     pub controls: Cow<'a, [DVec3]>,
-    /// Of nodes that settle: the springs, which are drawn instead of the lattice's edges, and which nodes are held.
-    pub springs: Option<Cow<'a, SpringDrawing>>,
+    /// Lines that are drawn instead of the lattice's edges, springs or edges of a cage, and which control points are held.
+    pub net: Option<Cow<'a, NetDrawing>>,
+    /// Drag planes of vertices of a cage.
+    pub planes: Vec<DragPlane>,
 }
 
 impl ShownLattice<'static> {
@@ -60,7 +62,7 @@ impl ShownLattice<'static> {
 
     fn of_grid(sheet: &Sheet, points: Vec<DVec3>) -> Self {
         let [m, n] = sheet.cells();
-        Self { size: [m + 1, n + 1, 1], controls: points.into(), springs: None }
+        Self { size: [m + 1, n + 1, 1], controls: points.into(), net: None, planes: Vec::new() }
     }
 }
 
@@ -79,20 +81,22 @@ impl<'a> Show<'a> {
         };
         let mut show = Self { faces: mesh.faces(), poses: vec![rest] };
         let Some(course) = course else { return show };
-        let controls = outcome.controls.as_ref();
+        let controls = Controls::of(outcome);
         let sheet = outcome.sheet().map(|drawing| drawing.sheet());
-        let lattice = |positions: &'a [DVec3]| match controls {
+        let lattice = |positions: &'a [DVec3]| match &controls {
             Some(c) => Some(ShownLattice {
-                size: c.lattice.size(),
+                size: c.size,
                 controls: positions.into(),
-                springs: outcome.springs().map(Cow::Borrowed),
+                net: outcome.net().map(Cow::Borrowed),
+                planes: Vec::new(),
             }),
             None => sheet.map(ShownLattice::of_surface),
         };
+        let planes = || outcome.report.cage.iter().flat_map(|cage| &cage.planes).map(|row| row.plane).collect();
         // A lattice round a model that went along a surface was never at rest with it.
         show.poses[0].lattice = match sheet {
             Some(sheet) => Some(ShownLattice::of_sheet(sheet)),
-            None => controls.and_then(|c| lattice(&c.rest)),
+            None => controls.as_ref().and_then(|c| lattice(c.rest)),
         };
         show.poses.push(ShownPose {
             name: "deformed".into(),
@@ -105,11 +109,44 @@ impl<'a> Show<'a> {
             show.poses.push(ShownPose {
                 name: "corrected".into(),
                 points: (&outcome.points[..]).into(),
-                lattice: lattice(controls.map_or(&[], |c| &c.posed)),
+                lattice: lattice(controls.as_ref().map_or(&[], |c| c.posed)),
                 volume: row.map(|row| row.corrected),
                 volume_change: Some((&course.corrected_change[..]).into()),
             });
         }
+        if let Some(last) = show.poses.last_mut().and_then(|pose| pose.lattice.as_mut()) {
+            last.planes = planes();
+        }
         show
+    }
+}
+
+/// The controls of an outcome, of a lattice or a cage.
+struct Controls<'a> {
+    size: [usize; 3],
+    rest: &'a [DVec3],
+    posed: &'a [DVec3],
+}
+
+impl<'a> Controls<'a> {
+    fn of(outcome: &'a Outcome) -> Option<Self> {
+        let of_cage =
+            |cage: &'a PosedCage| Self { size: [1, 1, cage.posed.len()], rest: cage.mesh.points(), posed: &cage.posed };
+        let of_lattice = |c: &'a PosedLattice| Self { size: c.lattice.size(), rest: &c.rest, posed: &c.posed };
+        outcome.controls.as_ref().map(of_lattice).or(outcome.cage.as_ref().map(of_cage))
+    }
+}
+
+impl ShownLattice<'static> {
+    /// The lattice or cage of an outcome in the end; `None` where there is neither.
+    #[must_use]
+    pub fn of_outcome(outcome: &Outcome) -> Option<Self> {
+        let controls = Controls::of(outcome)?;
+        Some(Self {
+            size: controls.size,
+            controls: controls.posed.to_vec().into(),
+            net: outcome.net().cloned().map(Cow::Owned),
+            planes: outcome.report.cage.iter().flat_map(|cage| &cage.planes).map(|row| row.plane).collect(),
+        })
     }
 }

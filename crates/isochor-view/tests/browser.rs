@@ -415,7 +415,7 @@ fn springs_and_held_nodes_are_drawn() {
     let seen = |held: bool| {
         let mut show = run.show();
         for pose in &mut show.poses {
-            let springs = pose.lattice.as_mut().unwrap().springs.as_mut().unwrap();
+            let springs = pose.lattice.as_mut().unwrap().net.as_mut().unwrap();
             springs.to_mut().is_held.iter_mut().for_each(|is_held| *is_held &= held);
         }
         let contents = shown(&run.outcome, &show);

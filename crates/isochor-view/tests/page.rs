@@ -228,7 +228,7 @@ fn springs_and_held_nodes_are_in_the_page() {
     let run = Story::settled().run();
     let show = run.show();
     let html = parsed(&page(&with_show(&run.outcome.report, &show)));
-    let springs = run.outcome.springs().unwrap();
+    let springs = run.outcome.net().unwrap();
     for pose in geometry(&html)["poses"].as_array().unwrap() {
         assert_eq!(whole(&pose["lattice"]["springs"]), springs.ends.as_flattened());
         // Of three layers along k the outer ones are edited.

@@ -4,7 +4,7 @@ use std::borrow::Cow;
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use isochor::{Faces, Job, JobInput, Mesh, Source, SpringDrawing, shapes};
+use isochor::{Faces, Job, JobInput, Mesh, NetDrawing, NetKind, Source, shapes};
 use isochor_view::{
     Camera, Coloring, Image, NO_VALUE, PictureOptions, Rgb, Show, ShownLattice, ShownPose, StripOptions, frames,
     picture, strip,
@@ -43,7 +43,7 @@ fn lattice(size: [usize; 3], low: DVec3, high: DVec3) -> ShownLattice<'static> {
         let at = [c / (size[1] * size[2]), c / size[2] % size[1], c % size[2]];
         low + (high - low) * DVec3::from_array(std::array::from_fn(|axis| part(at[axis], size[axis])))
     });
-    ShownLattice { size, controls: nodes.collect(), springs: None }
+    ShownLattice { size, controls: nodes.collect(), net: None, planes: Vec::new() }
 }
 
 /// Poses of a deformed ball, with all that a pose can have.
@@ -58,7 +58,7 @@ fn with_job<R>(mesh: &Mesh, f: impl FnOnce(&Show) -> R) -> R {
         [preserve]
         volume = '100%'
     ";
-    let input = JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None };
+    let input = JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None, cage: None };
     let outcome = Job::from_toml(job).unwrap().run(&input, &mut |_stage| {}).unwrap();
     let course = outcome.course();
     f(&Show::of_job(mesh, &outcome, course.as_ref()))
@@ -294,7 +294,7 @@ fn models_along_surfaces_are_shown_with_the_grid_of_the_surface() {
         let job = format!(
             "[surface]\nkind = 'cylinder'\nradius = 1\nheight = 2\nangles = [0, 180]\ngrid = [6, 4]\n[preserve]\n{more}"
         );
-        let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+        let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None };
         let outcome = Job::from_toml(&job).unwrap().run(&input, &mut |_stage| {}).unwrap();
         let course = outcome.course();
         f(&Show::of_job(outcome.divided().unwrap().0, &outcome, course.as_ref()));
@@ -325,8 +325,12 @@ fn models_along_surfaces_are_shown_with_the_grid_of_the_surface() {
 /// A lattice with springs along its diagonal and to its second node, the nodes of `held` held.
 fn with_springs(held: &[usize]) -> ShownLattice<'static> {
     let lattice = lattice([2, 2, 2], DVec3::ZERO, DVec3::ONE);
-    let springs = SpringDrawing { ends: vec![[0, 7], [0, 1]], is_held: (0..8).map(|c| held.contains(&c)).collect() };
-    ShownLattice { springs: Some(Cow::Owned(springs)), ..lattice }
+    let springs = NetDrawing {
+        kind: NetKind::Springs,
+        ends: vec![[0, 7], [0, 1]],
+        is_held: (0..8).map(|c| held.contains(&c)).collect(),
+    };
+    ShownLattice { net: Some(Cow::Owned(springs)), ..lattice }
 }
 
 #[test]
@@ -369,13 +373,13 @@ fn springs_are_drawn_instead_of_edges_and_held_nodes_differ() {
 fn jobs_whose_nodes_settle_are_shown_with_their_springs() {
     let mesh = shapes::cube(2);
     let job = "[lattice]\nbasis = 'bernstein'\nsize = 3\n[[edit]]\nscale = { by = [1, 1, 0.6], nodes = { k = [0, 2] } }\n[preserve]\nmethod = 'elastic'\n";
-    let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+    let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None };
     let outcome = Job::from_toml(job).unwrap().run(&input, &mut |_stage| {}).unwrap();
     let course = outcome.course();
     let show = Show::of_job(&mesh, &outcome, course.as_ref());
     assert_eq!(show.poses.len(), 3);
     for pose in &show.poses {
-        let springs = pose.lattice.as_ref().unwrap().springs.as_ref().unwrap();
+        let springs = pose.lattice.as_ref().unwrap().net.as_ref().unwrap();
         // 3 · 18 edges, 6 · 12 diagonals of faces and 4 · 8 of cells; the lower and the upper nodes were edited.
         assert_eq!(springs.ends.len(), 158);
         assert!(springs.is_held.iter().enumerate().all(|(node, held)| *held == (node % 3 != 1)));
@@ -390,7 +394,7 @@ fn of_crowded_lattices_the_sides_are_drawn() {
     let whole = lattice(size, DVec3::splat(-0.2), DVec3::splat(1.2));
     let is_inner = |c: usize| (0..3).all(|a| (1..size[a] - 1).contains(&[c / 16, c / 4 % 4, c % 4][a]));
     let hollow = whole.controls.iter().enumerate().map(|(c, p)| if is_inner(c) { DVec3::NAN } else { *p });
-    let hollow = ShownLattice { size, controls: hollow.collect(), springs: None };
+    let hollow = ShownLattice { size, controls: hollow.collect(), net: None, planes: Vec::new() };
     let drawn = |lattice: ShownLattice<'static>| {
         let mut show = show(mesh.faces(), mesh.points());
         show.poses[0].lattice = Some(lattice);
@@ -410,7 +414,8 @@ fn lattices_that_lie_or_are_broken_do_no_harm() {
         ([usize::MAX; 3], vec![DVec3::ZERO, DVec3::ONE]),
     ] {
         let mut show = show(mesh.faces(), mesh.points());
-        let springs = SpringDrawing { ends: vec![[0, 1], [7, u32::MAX], [1, 1]], is_held: vec![true] };
+        let springs =
+            NetDrawing { kind: NetKind::Springs, ends: vec![[0, 1], [7, u32::MAX], [1, 1]], is_held: vec![true] };
         for springs in [None, Some(Cow::Owned(springs))] {
             show.poses[0].lattice = Some(ShownLattice { size, controls: controls.clone().into(), springs });
             assert!(inked(&picture(&show, &small())) > 500, "{size:?}");

@@ -128,6 +128,17 @@ impl Cage {
         &self.edges
     }
 
+    /// The edges of the faces, each once, its smaller end first: those of the triangles without the diagonals of polygons.
+    #[must_use]
+    pub fn mesh_edges(&self) -> Vec<[u32; 2]> {
+        let sides = |face: &[u32]| (0..face.len()).map(|i| [face[i], face[(i + 1) % face.len()]]).collect::<Vec<_>>();
+        let mut edges: Vec<[u32; 2]> =
+            self.mesh.faces().iter().flat_map(sides).map(|[a, b]| [a.min(b), a.max(b)]).collect();
+        edges.sort_unstable();
+        edges.dedup();
+        edges
+    }
+
     /// For each triangle its sides: from the first to the second corner, from the second to the third, from the third to the first.
     pub(crate) fn sides(&self) -> &[[Side; 3]] {
         &self.sides

@@ -7,7 +7,8 @@
 //! stack of modifiers does. Ranges and centres come from the lattice box at rest. A control point of weight w moves to
 //! p + w (e(p) − p); those of weight 0 keep their bits, and so do all where e is the identity.
 //!
-//! Two are no maps of space: positions given for control points ([`crate::posed`]) and for vertices ([`crate::drag`]).
+//! Three are no maps of space: positions given for control points ([`crate::posed`]) and for vertices ([`crate::drag`]), and slides, which
+//! keep the volume ([`crate::drag_plane`]).
 //!
 //! With c the centre, a an axis and `[f, g]` a range in fractions of the box along it, `s` is the linear function of
 //! position along a that is 0 at f and 1 at g. It is not clamped: what lies beyond the range continues linearly.
@@ -25,6 +26,7 @@ use rand_pcg::rand_core::Rng;
 
 use crate::binding::displaced;
 use crate::drag::{Drag, DragError};
+use crate::drag_plane::DragPlane;
 #[cfg(feature = "serde")]
 use crate::exact;
 use crate::posed::{Posed, PosedError};
@@ -49,6 +51,8 @@ pub enum Edit {
     Stretch(Stretch),
     /// Moves by a vector.
     Move(Move),
+    /// Moves by what of a vector keeps the volume: within the drag plane of the control points that it moves. Not with Green coordinates.
+    Slide(Move),
     /// Turns about an axis.
     Rotate(Rotate),
     /// Scales about a centre.
@@ -325,6 +329,12 @@ pub enum EditError {
     /// Vertices that cannot be dragged to their places.
     #[error("drag: {0}")]
     Drag(#[from] DragError),
+    /// A slide where no volume depends on the control points alone.
+    #[error(
+        "slide: there is no volume that could be kept: the model bounds no body, or Green coordinates carry it, whose normals turn as \
+         vertices of the cage move"
+    )]
+    NoVolume,
     /// Finite numbers whose result is not.
     #[error("{edit}: control point [{}, {}, {}] would move out of the range of numbers", .node[0], .node[1], .node[2])]
     Overflow {
@@ -447,6 +457,7 @@ impl Edit {
             Self::Taper(_) => "taper",
             Self::Stretch(_) => "stretch",
             Self::Move(_) => "move",
+            Self::Slide(_) => "slide",
             Self::Rotate(_) => "rotate",
             Self::Scale(_) => "scale",
             Self::Noise(_) => "noise",
@@ -463,7 +474,7 @@ impl Edit {
             Self::Bend(edit) => &edit.nodes,
             Self::Taper(edit) => &edit.nodes,
             Self::Stretch(edit) => &edit.nodes,
-            Self::Move(edit) => &edit.nodes,
+            Self::Move(edit) | Self::Slide(edit) => &edit.nodes,
             Self::Rotate(edit) => &edit.nodes,
             Self::Scale(edit) => &edit.nodes,
             Self::Noise(edit) => &edit.nodes,
@@ -502,6 +513,7 @@ impl Edit {
             Self::Taper(taper) => blended(taper.law(space)?),
             Self::Stretch(stretch) => blended(stretch.law(space)?),
             Self::Move(by) => blended(by.law(space)?),
+            Self::Slide(by) => blended(by.slide(controls, &weights, space)?),
             Self::Rotate(rotate) => blended(rotate.law(space)?),
             Self::Scale(scale) => blended(scale.law(space)?),
             Self::Noise(noise) => blended(noise.law(space)?),
@@ -587,6 +599,14 @@ impl Move {
     fn law(&self, space: &ControlSpace) -> Result<Law<'_>, EditError> {
         check_finite("move", "by", &self.by.to_array())?;
         let by = self.by * self.unit.length(space);
+        Ok(Box::new(move |_, p| p + by))
+    }
+
+    /// The move without what would change the volume.
+    fn slide(&self, controls: &[DVec3], weights: &[f64], space: &ControlSpace) -> Result<Law<'_>, EditError> {
+        check_finite("slide", "by", &self.by.to_array())?;
+        let gradients = space.volume_gradient(controls).ok_or(EditError::NoVolume)?;
+        let by = DragPlane::new(controls, weights, &gradients).projected(self.by * self.unit.length(space));
         Ok(Box::new(move |_, p| p + by))
     }
 }

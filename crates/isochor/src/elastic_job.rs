@@ -15,7 +15,7 @@ use crate::job::{Directions, Job, MethodKind, MobilityKind, Objective, Preserve}
 use crate::lattice::Lattice;
 use crate::levels::{LevelOptions, Levels};
 use crate::moments::Moments;
-use crate::outcome::{JobError, SpringDrawing};
+use crate::outcome::{JobError, NetDrawing, NetKind};
 use crate::report::ElasticReport;
 use crate::select::{ControlSpace, Selector};
 use crate::springs::Springs;
@@ -155,13 +155,14 @@ impl ElasticTask<'_> {
         &self,
         mut wanted: ElasticWanted,
         origin: DVec3,
-    ) -> Result<(Settled, ElasticReport, SpringDrawing), JobError> {
+    ) -> Result<(Settled, ElasticReport, NetDrawing), JobError> {
         let &Self { request, solid, binding, points, rest, posed, .. } = self;
         let springs = Springs::between(self.lattice.size(), rest, request.net, request.stiffness)
             .map_err(|error| JobError::Value { key: "elastic.stiffness", problem: format!("cannot be: {error}") })?;
         let is_free = free_coordinates(&self.held()?, self.along, self.mobility);
         let free = is_free.iter().filter(|free| free.any()).count();
-        let drawing = SpringDrawing {
+        let drawing = NetDrawing {
+            kind: NetKind::Springs,
             ends: springs.springs().iter().map(|spring| spring.ends).collect(),
             is_held: is_free.iter().map(|free| !free.any()).collect(),
         };

@@ -17,6 +17,7 @@
 use glam::DVec3;
 
 use crate::binding::Binding;
+use crate::cage::Cage;
 use crate::correct::CorrectError;
 use crate::lattice::Lattice;
 use crate::tolerances;
@@ -64,6 +65,23 @@ impl Energy {
             }
         }
         Ok(Self::scaled(rest.len(), terms.entries, tolerances::ENERGY_FLOOR))
+    }
+
+    /// The squared changes of a cage's edges, each relative to its length, in the same way.
+    ///
+    /// # Errors
+    ///
+    /// [`CorrectError::Energy`] where the matrix is too large.
+    pub fn of_cage(cage: &Cage) -> Result<Self, CorrectError> {
+        /// Of an edge.
+        const ENTRIES: usize = 3;
+        let (rest, controls) = (cage.vertices(), cage.vertices().len());
+        checked(controls, cage.edges().len().checked_mul(ENTRIES))?;
+        let mut terms = Terms::default();
+        for [a, b] in cage.edges().iter().map(|edge| edge.map(|v| v as usize)) {
+            terms.add(&[a, b], &[1.0, -1.0], (cage.extent() / rest[a].distance(rest[b])).powi(2));
+        }
+        Ok(Self::scaled(controls, terms.entries, tolerances::ENERGY_FLOOR))
     }
 
     /// The squared second differences of the displacement.

@@ -9,6 +9,7 @@ use std::str::FromStr;
 
 use glam::DVec3;
 
+use crate::cage_request::CageRequest;
 use crate::edit::{Axis, Edit};
 use crate::elastic_request::ElasticRequest;
 use crate::lattice::Outside;
@@ -40,6 +41,8 @@ pub struct Job {
     pub surface: Option<SurfaceRequest>,
     /// The lattice. Without it, edits act on the default lattice.
     pub lattice: Option<LatticeRequest>,
+    /// The cage, instead of a lattice.
+    pub cage: Option<CageRequest>,
     /// Edits of the control points, in order.
     pub edit: Vec<Edit>,
     /// What must hold in the end.

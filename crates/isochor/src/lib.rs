@@ -59,7 +59,7 @@
 //!
 //! let mesh = shapes::cube(4);
 //! let job = Job::from_toml("[[edit]]\ntwist = { axis = 'z', degrees = 90 }\n[preserve]\nvolume = '110%'").unwrap();
-//! let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+//! let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None };
 //! let outcome = job.run(&input, &mut |_stage| {}).unwrap();
 //! assert!((outcome.report.volume.unwrap().overall.corrected - 1.1).abs() < 1e-13);
 //! # }
@@ -81,9 +81,12 @@ mod body;
 mod bspline;
 mod built_in;
 mod cage;
+mod cage_binding;
+mod cage_request;
 mod closest;
 mod coarse;
 mod cone;
+mod controls;
 mod correct;
 mod couplings;
 mod crossing;
@@ -92,6 +95,7 @@ mod curve;
 mod descent;
 mod double;
 mod drag;
+mod drag_plane;
 mod edit;
 mod elastic;
 mod elastic_job;
@@ -179,10 +183,13 @@ pub use binding::{Binding, BoundVertices, displaced};
 pub use bspline::{Basis, BasisError, MAX_SIZE};
 pub use built_in::{BuiltIn, ShapeName, ShapeNameError};
 pub use cage::{Cage, CageError};
+pub use cage_binding::{CageBinding, CageBindingError, CageOptions, CageReport, Coordinates};
+pub use cage_request::{CageInput, CageRequest, PosedCage};
 pub use correct::{CorrectError, CorrectOptions, Correction, Corrector, Method, Pose, Reason, Status, Wanted, correct};
 pub use curvature::Curvature;
 pub use curve::{Curve, CurveJet};
 pub use drag::{Drag, DragError};
+pub use drag_plane::DragPlane;
 pub use edit::{
     Axis, Bend, Edit, EditError, Factors, LengthUnit, Move, Noise, Rotate, RotationAxis, Scale, SignedAxis, Stretch,
     Taper, Twist,
@@ -217,7 +224,7 @@ pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use locate::LocateError;
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};
 pub use moments::Moments;
-pub use outcome::{Course, Examination, JobError, JobInput, Outcome, PosedLattice, SpringDrawing, Stage};
+pub use outcome::{Course, Examination, JobError, JobInput, NetDrawing, NetKind, Outcome, PosedLattice, Stage};
 pub use parametric_solid::{GaussVolume, LEAST_TRIANGLES, ParametricSolid, ParametricSolidError};
 pub use patch::Patch;
 pub use placement::{Beyond, Height, HeightWord, Placed, Placement, PlacementError, SheetFit};
@@ -226,8 +233,8 @@ pub use posed::{Posed, PosedError, PosedPoint, PosedTo};
 pub use preview::Preview;
 pub use refinement::Refinement;
 pub use report::{
-    CorrectionReport, ElasticReport, FilmReport, FrameReport, PartRow, Report, Stopwatch, SurfaceReport, Timings,
-    VolumeReport, VolumeRow,
+    CageJobReport, CorrectionReport, DragPlaneReport, ElasticReport, FilmReport, FrameReport, PartRow, Report,
+    Stopwatch, SurfaceReport, Timings, VolumeReport, VolumeRow,
 };
 pub use select::{ControlSpace, SelectError, Selector};
 pub use sensitivity::{Cause, Effect, Sensitivity};

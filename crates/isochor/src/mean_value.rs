@@ -69,15 +69,15 @@ pub(crate) fn fill_mean_value(cage: &Cage, points: &[DVec3], stride: usize, out:
 }
 
 /// A vector of each of the points.
-type Vector<S> = [f64x4<S>; 3];
+pub(crate) type Vector<S> = [f64x4<S>; 3];
 
 #[inline(always)]
-fn dot<S: Simd>(a: Vector<S>, b: Vector<S>) -> f64x4<S> {
+pub(crate) fn dot<S: Simd>(a: Vector<S>, b: Vector<S>) -> f64x4<S> {
     a[0] * b[0] + a[1] * b[1] + a[2] * b[2]
 }
 
 #[inline(always)]
-fn cross<S: Simd>(a: Vector<S>, b: Vector<S>) -> Vector<S> {
+pub(crate) fn cross<S: Simd>(a: Vector<S>, b: Vector<S>) -> Vector<S> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
@@ -139,9 +139,9 @@ fn fill<S: Simd>(simd: S, cage: &Cage, rule: &Rule, points: &[DVec3], stride: us
             });
             let unit = corners.map(|v| unit[v as usize]);
             let determinant = dot(unit[0], sides[1].cross);
-            // The squared sides, as seen.
-            let chord = |a: Vector<S>, b: Vector<S>| one - dot(a, b);
-            let longest = chord(unit[0], unit[1]).max(chord(unit[1], unit[2])).max(chord(unit[2], unit[0])) * 2.0;
+            // The longest of its squared sides, as seen.
+            let cosine = dot(unit[0], unit[1]).min(dot(unit[1], unit[2])).min(dot(unit[2], unit[0]));
+            let longest = (one - cosine) * 2.0;
             let is_edge_on = determinant.abs().simd_lt(longest * EDGE_ON);
             let mut scale = one / determinant;
             if is_edge_on.any_true() {

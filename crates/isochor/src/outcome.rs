@@ -10,8 +10,12 @@ use glam::{DMat3, DVec3};
 use crate::along::{Along, AlongError, SheetDrawing};
 use crate::binding::{Binding, BoundVertices, displaced, translated};
 use crate::body::{Body, Wish};
-use crate::bspline::{Basis, BasisError};
+use crate::cage::CageError;
+use crate::cage_binding::{CageBinding, CageBindingError, Coordinates};
+use crate::cage_request::{CageInput, PosedCage};
+use crate::controls::{Controls, Deformer, Saved};
 use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, Wanted, correct_last};
+use crate::drag_plane::DragPlane;
 use crate::edit::{Edit, EditError};
 use crate::elastic::{ElasticError, ElasticWanted};
 use crate::elastic_job::ElasticTask;
@@ -20,17 +24,17 @@ use crate::goals::{Components, VolumeGoal};
 use crate::health::{Health, Source};
 use crate::height_scale::{HeightScaleError, scaled_heights};
 use crate::job::{
-    AxisKnots, AxisLetters, BasisKind, Directions, Falloff, Job, KnotRule, LatticeRequest, MethodKind, MobilityKind,
-    Objective, PointRequest, Preserve, VolumeTarget,
+    AxisLetters, Directions, Falloff, Job, LatticeRequest, MethodKind, MobilityKind, Objective, PointRequest, Preserve,
+    VolumeTarget,
 };
-use crate::lattice::{Frame, Lattice, LatticeError, Outside};
+use crate::lattice::{Lattice, LatticeError};
 use crate::locality::{LocalityOptions, local_mobility};
-use crate::mesh::{Bounds, Mesh};
+use crate::mesh::{Bounds, Mesh, MeshError};
 use crate::parallel;
 use crate::points::PointTarget;
 use crate::preview::Preview;
 use crate::refinement::Refinement;
-use crate::report::{CorrectionReport, Report, Stopwatch};
+use crate::report::{CageJobReport, CorrectionReport, DragPlaneReport, Report, Stopwatch};
 use crate::select::{ControlSpace, SelectError};
 use crate::surface::Surface;
 use crate::surface_request::{SurfaceFolds, SurfaceRequest, SurfaceRequestError};
@@ -63,6 +67,8 @@ pub struct JobInput<'a> {
     pub lattice: Option<&'a PosedLattice>,
     /// The surface of [`SurfaceRequest::file`](crate::SurfaceRequest::file), where the job names one.
     pub surface: Option<&'a Surface>,
+    /// The cage of [`CageRequest::file`](crate::CageRequest::file), where the job names one.
+    pub cage: Option<&'a CageInput>,
 }
 
 /// What a job finds out about its model before anything else.
@@ -123,35 +129,47 @@ impl Stage {
 pub struct Outcome {
     /// Deformed points (#vertices × 3), model coordinates. Points that did not move have the bits they had.
     pub points: Vec<DVec3>,
-    /// The lattice after the correction, model coordinates; `None` where the job deforms nothing.
+    /// The lattice after the correction, model coordinates; `None` where the job deforms nothing, or by a cage.
     pub controls: Option<PosedLattice>,
+    /// The cage after the correction, model coordinates, where there is one.
+    pub cage: Option<PosedCage>,
     /// What happened.
     pub report: Report,
     /// The body, where the model bounds one.
     body: Option<Arc<Body>>,
     deformation: Option<Deformation>,
     along: Option<Along>,
-    springs: Option<SpringDrawing>,
+    net: Option<NetDrawing>,
 }
 
-/// The springs of a job with the method "elastic": what pictures show of them.
+/// Lines between control points that are not those of a lattice: what pictures show of springs and cages.
 #[derive(Clone, Debug, PartialEq, Eq)]
-pub struct SpringDrawing {
-    /// The nodes at the ends of each: flat indices of control points.
+pub struct NetDrawing {
+    /// What the lines are.
+    pub kind: NetKind,
+    /// The control points at the ends of each: flat indices.
     pub ends: Vec<[u32; 2]>,
-    /// Which nodes have no free coordinate (#nodes); the others settled.
+    /// Which control points have no free coordinate (#controls): the others settled, or restored the volume.
     pub is_held: Vec<bool>,
 }
 
-/// A lattice deformation, relative to the job's origin.
+/// What lines between control points are.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NetKind {
+    /// Springs, with the method "elastic".
+    Springs,
+    /// Edges of a cage.
+    Cage,
+}
+
+/// A deformation by a lattice or a cage, relative to the job's origin.
 #[derive(Clone, Debug)]
 struct Deformation {
-    lattice: Lattice,
+    deformer: Deformer,
     /// C − C⁰ (#controls × 3): what the edits did.
     posed: Vec<DVec3>,
     /// C + δ − C⁰ (#controls × 3).
     displacement: Vec<DVec3>,
-    outside: Outside,
     rest_points: Arc<Vec<DVec3>>,
     /// What to add to positions here to have model coordinates.
     origin: DVec3,
@@ -178,6 +196,12 @@ pub enum JobError {
     /// The lattice cannot be made, or vertices are outside.
     #[error(transparent)]
     Lattice(#[from] LatticeError),
+    /// The cage is none.
+    #[error(transparent)]
+    Cage(#[from] CageError),
+    /// The model cannot be bound to the cage.
+    #[error(transparent)]
+    CageBinding(#[from] CageBindingError),
     /// The surface cannot be made.
     #[error(transparent)]
     Surface(#[from] SurfaceRequestError),
@@ -198,6 +222,12 @@ pub enum JobError {
     /// A pin picks no control points.
     #[error("pin: {0}")]
     Pin(SelectError),
+    /// Free vertices of a cage that are none.
+    #[error("cage.free: {0}")]
+    Free(SelectError),
+    /// Vertices of a cage for drag planes that are none.
+    #[error("cage.planes: {0}")]
+    Planes(SelectError),
     /// The model bounds no body whose volume could be preserved.
     #[error(transparent)]
     Solid(#[from] SolidError),
@@ -314,6 +344,12 @@ impl From<ElasticError> for JobError {
     }
 }
 
+impl From<MeshError> for JobError {
+    fn from(error: MeshError) -> Self {
+        Self::Cage(error.into())
+    }
+}
+
 impl JobError {
     /// Of a correction that was to fulfil wishes and to bring points to their places, with mobilities "auto" if it `is_local`.
     fn of_correction(error: CorrectError, wishes: &[Wish], points: &[WantedPoint], is_local: bool) -> Self {
@@ -357,6 +393,7 @@ impl JobError {
                 Self::Correct(CorrectError::Impossible { .. } | CorrectError::Energy { .. })
                     | Self::Volume { .. }
                     | Self::Lattice(LatticeError::Outside { .. })
+                    | Self::CageBinding(CageBindingError::Outside { .. })
                     | Self::Solid(_)
                     | Self::NoVolume { .. }
                     | Self::NotConverged { .. }
@@ -373,8 +410,11 @@ impl JobError {
     #[must_use]
     pub fn code(&self) -> &'static str {
         match self {
-            Self::Lattice(LatticeError::Outside { .. }) => "outside",
+            Self::Lattice(LatticeError::Outside { .. }) | Self::CageBinding(CageBindingError::Outside { .. }) => {
+                "outside"
+            }
             Self::Lattice(_) => "lattice",
+            Self::Cage(_) | Self::CageBinding(_) => "cage",
             Self::Surface(_) => "surface",
             Self::Along(AlongError::Wrap(WrapError::Beyond { .. })) => "outside",
             Self::Along(AlongError::Wrap(WrapError::Folded(_))) => "folds",
@@ -384,6 +424,7 @@ impl JobError {
             Self::Edit { .. } => "edit",
             Self::Pin(_) => "pin",
             Self::Hold(_) => "hold",
+            Self::Free(_) | Self::Planes(_) => "cage",
             Self::Elastic(ElasticError::TooLarge { .. }) => "memory",
             Self::Elastic(ElasticError::Held | ElasticError::NoPose) => "impossible",
             Self::Elastic(_) => "elastic",
@@ -411,12 +452,19 @@ impl JobError {
         match self {
             Self::Lattice(LatticeError::Outside { .. }) => "lattice.outside".into(),
             Self::Lattice(_) => "lattice".into(),
+            Self::CageBinding(CageBindingError::Outside { .. }) => "cage.outside".into(),
+            Self::CageBinding(CageBindingError::NoTetrahedron { .. }) => "cage.coordinates".into(),
+            Self::CageBinding(CageBindingError::Weights { .. }) => "cage.weights".into(),
+            Self::CageBinding(CageBindingError::Harmonic(_)) => "cage.resolution".into(),
+            Self::Cage(_) | Self::CageBinding(_) => "cage.file".into(),
             Self::Surface(_) => "surface".into(),
             Self::Along(error) => error.place().into(),
             Self::Heights(_) => "preserve.method".into(),
             Self::Edit { index, .. } | Self::Dragged { index, .. } => format!("edit[{index}]"),
             Self::Pin(_) => "preserve.pin".into(),
             Self::Hold(_) | Self::Elastic(ElasticError::Held) => "elastic.hold".into(),
+            Self::Free(_) => "cage.free".into(),
+            Self::Planes(_) => "cage.planes".into(),
             Self::Elastic(ElasticError::Moments) => "elastic.center_of_mass".into(),
             Self::Elastic(ElasticError::TooLarge { .. }) => "lattice.size".into(),
             Self::Elastic(_) | Self::NotSettled { .. } => "elastic".into(),
@@ -451,6 +499,16 @@ impl JobError {
                 "enlarge the lattice (margin), or choose outside = \"keep\" or \"extend\""
             }
             Self::Lattice(_) => "change the size, degree, knots or frame of the lattice",
+            Self::Cage(_) => {
+                "a cage is a closed mesh; isochor cage makes one, isochor info says what is wrong with one"
+            }
+            Self::CageBinding(CageBindingError::Outside { .. }) => {
+                "enlarge the cage, or choose outside = \"extend\" or \"keep\""
+            }
+            Self::CageBinding(CageBindingError::NoTetrahedron { .. }) => "choose other coordinates",
+            Self::CageBinding(CageBindingError::Weights { .. }) => "leave the weights out, so that they are computed",
+            Self::CageBinding(CageBindingError::Harmonic(_)) => "choose a finer resolution, or other coordinates",
+            Self::CageBinding(CageBindingError::NotFinite { .. }) => "choose a cage that does not cross itself",
             Self::Surface(_) => "correct the named key; the docs page of surfaces lists the keys of each kind",
             Self::Along(error) => error.hint(),
             Self::Heights(_) => "choose method = \"nearest\", which lays a lattice round the model, or another volume",
@@ -458,7 +516,7 @@ impl JobError {
                 "choose other targets or more nodes, or a lattice that holds the vertex"
             }
             Self::Edit { .. } => "correct the edit; its formulas and keys are on the docs page of edits",
-            Self::Pin(_) | Self::Hold(_) => "choose control points that exist",
+            Self::Pin(_) | Self::Hold(_) | Self::Free(_) | Self::Planes(_) => "choose control points that exist",
             Self::Elastic(ElasticError::Held) => "hold fewer nodes: hold = \"edited\" holds those that an edit moved",
             Self::Elastic(ElasticError::TooLarge { .. }) => "choose fewer control points",
             Self::Elastic(_) => "hold fewer nodes, or ask for less at once",
@@ -549,6 +607,7 @@ impl Job {
             warnings,
             surface: None,
             elastic: None,
+            cage: None,
         };
         let elastic_request = self.elastic_request()?;
         if self.changes_nothing() {
@@ -558,11 +617,12 @@ impl Job {
             return Ok(Outcome {
                 points: mesh.points().to_vec(),
                 controls: None,
+                cage: None,
                 report,
                 body,
                 deformation: None,
                 along: None,
-                springs: None,
+                net: None,
             });
         }
 
@@ -579,11 +639,10 @@ impl Job {
             _ => Arc::new(parallel::collect(mesh.points().len(), |v| mesh.points()[v] - origin)),
         };
         let near = Bounds { min: bounds.min - origin, max: bounds.max - origin };
-        let controls = self.controls(input, near, origin, &mut warnings)?;
-        let outside = self.lattice.as_ref().map(|request| request.outside).unwrap_or_default();
-        let binding = controls.lattice.bind(&rest_points, outside)?;
-        let binding = if self.portable_bits { binding.portable() } else { binding };
-        if binding.kept_count() > 0 {
+        let controls = self.controls(input, near, &rest_points, origin, &mut warnings)?;
+        let deformer = controls.deformer.clone();
+        let binding = deformer.binding(&rest_points, self.portable_bits)?;
+        if deformer.cage().is_none() && binding.kept_count() > 0 {
             let (kept, all) = (binding.kept_count(), binding.vertex_count());
             warnings.push(format!("{kept} of {all} vertices are outside the lattice and stay where they are."));
         }
@@ -592,11 +651,16 @@ impl Job {
         on_stage(Stage::Deform);
         let space = ControlSpace {
             rest: &controls.rest,
-            size: controls.lattice.size(),
-            bounds: controls.lattice.frame().bounds(),
+            size: deformer.size(),
+            bounds: deformer.bounds(),
             extent,
             origin,
-            vertices: Some(BoundVertices { rest: &rest_points, binding: &binding }),
+            vertices: deformer.is_linear().then_some(BoundVertices { rest: &rest_points, binding: &binding }),
+            solid: body.as_ref().ok().map(|body| &body.solid),
+        };
+        let planes = match self.cage.as_ref().and_then(|request| request.planes.as_ref()) {
+            Some(planes) => planes.weights(&space).map_err(JobError::Planes)?,
+            None => vec![0.0; controls.rest.len()],
         };
         let mut posed = controls.posed.clone();
         let mut is_edited: Vec<bool> = posed.iter().zip(&controls.rest).map(|(posed, rest)| posed != rest).collect();
@@ -610,14 +674,25 @@ impl Job {
         }
         let edited: Vec<DVec3> = posed.iter().zip(&controls.rest).map(|(p, r)| *p - *r).collect();
         let mut displacement = edited.clone();
-        let mut points = binding.displaced(&rest_points, &displacement);
+        let mut points = binding.displaced(&rest_points, &deformer.spread(&controls.rest, &displacement));
         watch.lap(Stage::Deform.name());
 
         on_stage(Stage::Correct);
         let (volume, correction, kept);
-        let (mut elastic, mut springs) = (None, None);
+        let mut elastic = None;
+        let mut net = deformer.cage().map(|cage| NetDrawing {
+            kind: NetKind::Cage,
+            ends: cage.cage().mesh_edges(),
+            is_held: vec![false; controls.rest.len()],
+        });
         if let Some(request) = &elastic_request {
-            let body = body?;
+            let Some((lattice, _)) = deformer.lattice() else {
+                let problem =
+                    "is \"elastic\", whose springs lie between the points of a lattice; choose another for a cage"
+                        .into();
+                return Err(JobError::Value { key: "preserve.method", problem });
+            };
+            let body = body.clone()?;
             if let (OpenBoundaries::Refuse, Some(opening)) = (self.preserve.open, opening) {
                 return Err(opening.into());
             }
@@ -630,7 +705,7 @@ impl Job {
             let goals: Vec<VolumeGoal> = wishes.iter().map(|wish| wish.goal.clone()).collect();
             let task = ElasticTask {
                 request,
-                lattice: &controls.lattice,
+                lattice,
                 solid: &body.solid,
                 binding: &binding,
                 points: &rest_points,
@@ -660,27 +735,34 @@ impl Job {
             let end = Volumes { total: settled.correction.volume, components: settled.correction.component_volumes };
             volume =
                 Some(if goals.is_empty() { body.free_rows(&points) } else { body.rows(&posed_volumes, &end, &goals) });
-            (elastic, springs) = (Some(settled_report), Some(drawing));
+            (elastic, net) = (Some(settled_report), Some(drawing));
             kept = Some(body);
         } else if self.preserve.volume == VolumeTarget::Free {
-            kept = body.ok();
+            kept = body.clone().ok();
             volume = kept.as_ref().map(|body| body.free_rows(&points));
             correction = CorrectionReport::not_asked();
         } else {
-            let body = body?;
+            let body = body.clone()?;
             if let (OpenBoundaries::Refuse, Some(opening)) = (self.preserve.open, opening) {
                 return Err(opening.into());
             }
             let (method, coordinates) = self.method()?;
             let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
             mobility.iter_mut().for_each(|m| *m *= coordinates);
+            if let Some(net) = &mut net {
+                net.is_held = mobility.iter().map(|m| *m == DVec3::ZERO).collect();
+            }
             let posed_volumes = body.solid.volumes(&points);
             let wishes = self.checked_wishes(&body, [mesh.points(), &points], &posed_volumes, &mut warnings)?;
             let is_local = self.preserve.mobility == MobilityKind::Auto;
             if is_local {
+                let Some((lattice, outside)) = deformer.lattice() else {
+                    let problem = "is \"auto\", which goes by the cells of a lattice; name the vertices of the cage with cage.free".into();
+                    return Err(JobError::Value { key: "preserve.mobility", problem });
+                };
                 let (posed, wanted) = body.relative_sizes(&wishes, &posed_volumes);
                 let options = LocalityOptions { vertices: &rest_points, outside, posed, wanted };
-                let local = local_mobility(&controls.lattice, &displacement, &options);
+                let local = local_mobility(lattice, &displacement, &options);
                 mobility.iter_mut().zip(local).for_each(|(m, local)| *m *= local);
             }
             let wanted_points = self.wanted_points();
@@ -689,8 +771,17 @@ impl Job {
             let energy = match self.preserve.objective {
                 Objective::Controls => None,
                 Objective::Surface => Some(Energy::surface(&binding)?),
-                Objective::Edges => Some(Energy::edges(&controls.lattice)?),
-                Objective::Bending => Some(Energy::bending(&controls.lattice)?),
+                Objective::Edges => Some(match &deformer {
+                    Deformer::Lattice(lattice, _) => Energy::edges(lattice)?,
+                    Deformer::Cage(cage) => Energy::of_cage(cage.cage())?,
+                }),
+                Objective::Bending => {
+                    let Some((lattice, _)) = deformer.lattice() else {
+                        let problem = "is \"bending\", which goes by the lines of a lattice; choose \"edges\" or \"surface\" for a cage".into();
+                        return Err(JobError::Value { key: "preserve.objective", problem });
+                    };
+                    Some(Energy::bending(lattice)?)
+                }
             };
             let options = CorrectOptions { method, mobility: Some(mobility), energy };
             let corrected = match self.preserve.preview {
@@ -732,24 +823,57 @@ impl Job {
         }
         watch.lap(Stage::Correct.name());
 
-        let saved = controls.in_model_coordinates(&posed, origin)?;
+        let cage = match deformer.cage() {
+            Some(cage) => Some(Self::cage_report(cage, body.as_ref(), &rest_points, &posed, &planes, origin)?),
+            None => None,
+        };
+        let (saved, saved_cage) = match controls.in_model_coordinates(&posed, origin)? {
+            Saved::Lattice(lattice) => (Some(lattice), None),
+            Saved::Cage(cage) => (None, Some(cage)),
+        };
         Ok(Outcome {
             points: if origin == DVec3::ZERO { points } else { translated(&points, origin) },
-            controls: Some(saved),
-            report: Report { elastic, ..report(volume, correction, warnings, watch) },
+            controls: saved,
+            cage: saved_cage,
+            report: Report { elastic, cage, ..report(volume, correction, warnings, watch) },
             body: kept,
             deformation: Some(Deformation {
-                lattice: controls.lattice,
+                deformer,
                 posed: edited,
                 displacement,
-                outside,
                 rest_points,
                 origin,
                 rest_controls: controls.rest,
             }),
             along: None,
-            springs,
+            net,
         })
+    }
+
+    /// What is reported of a cage, with its vertices at `posed` in the end: the drag planes of those with weights, too.
+    fn cage_report(
+        cage: &CageBinding,
+        body: Result<&Arc<Body>, &SolidError>,
+        rest_points: &[DVec3],
+        posed: &[DVec3],
+        weights: &[f64],
+        origin: DVec3,
+    ) -> Result<CageJobReport, JobError> {
+        let mut planes = Vec::new();
+        if weights.iter().any(|w| *w > 0.0) {
+            let body = body.map_err(Clone::clone)?;
+            if cage.coordinates() == Coordinates::Green {
+                let problem = "are asked for, but with Green coordinates the volume is no affine function of a vertex: normals turn with it";
+                return Err(JobError::Value { key: "cage.planes", problem: problem.into() });
+            }
+            let by_point = body.solid.volume_gradient(&cage.deformed(rest_points, posed));
+            let gradients = cage.gradient(posed, &by_point);
+            for vertex in (0..posed.len()).filter(|v| weights[*v] > 0.0) {
+                let plane = DragPlane { origin: posed[vertex] + origin, gradient: gradients[vertex] };
+                planes.push(DragPlaneReport { vertex, plane });
+            }
+        }
+        Ok(CageJobReport { binding: cage.report().clone(), planes })
     }
 
     /// Runs a job whose model goes along a surface first.
@@ -842,12 +966,22 @@ impl Job {
             correction,
             surface: Some(along.report.clone()),
             elastic: None,
+            cage: None,
             folds: "off".into(),
             timings_ms: watch.timings(),
             peak_memory: None,
             warnings,
         };
-        Ok(Outcome { points, controls: None, report, body: kept, deformation: None, along: Some(along), springs: None })
+        Ok(Outcome {
+            points,
+            controls: None,
+            cage: None,
+            report,
+            body: kept,
+            deformation: None,
+            along: Some(along),
+            net: None,
+        })
     }
 
     /// The wanted volumes of a body that stood at `rest` and now, at `points`, has the volumes `posed`.
@@ -890,24 +1024,40 @@ impl Job {
     }
 
     fn has_lattice(&self) -> bool {
-        self.lattice.is_some() || !self.edit.is_empty()
+        self.lattice.is_some() || self.cage.is_some() || !self.edit.is_empty()
     }
 
     /// Whether nothing is to be deformed and nothing asked of the volume.
     fn changes_nothing(&self) -> bool {
         let is_default = |volume| self.preserve == Preserve { volume, ..Preserve::default() };
         let asks_for_nothing = is_default(VolumeTarget::Rest) || is_default(VolumeTarget::Free);
-        self.lattice.is_none() && self.edit.is_empty() && asks_for_nothing
+        self.lattice.is_none() && self.cage.is_none() && self.edit.is_empty() && asks_for_nothing
     }
 
-    /// The lattice of the job, relative to `origin`.
+    /// The lattice or cage of the job, relative to `origin`, as `points` are.
     fn controls(
         &self,
         input: &JobInput,
         bounds: Bounds,
+        points: &[DVec3],
         origin: DVec3,
         warnings: &mut Vec<String>,
     ) -> Result<Controls, JobError> {
+        if let Some(request) = &self.cage {
+            if self.lattice.is_some() {
+                let problem = "stands beside [lattice]: there is at most one of them".into();
+                return Err(JobError::Value { key: "cage", problem });
+            }
+            let Some(path) = &request.file else {
+                let problem = "is missing: name the cage, a closed mesh; isochor cage makes one".into();
+                return Err(JobError::Value { key: "cage.file", problem });
+            };
+            let Some(input) = input.cage else {
+                let problem = format!("names {}, which was not loaded", path.display());
+                return Err(JobError::Value { key: "cage.file", problem });
+            };
+            return Controls::of_cage(request, input, points, origin, warnings);
+        }
         let default_request = LatticeRequest::default();
         let request = self.lattice.as_ref().unwrap_or(&default_request);
         match (&request.file, input.lattice) {
@@ -1002,6 +1152,11 @@ impl Job {
                 *m *= libm::exp(-rest.distance(center) / (radius * space.extent));
             }
         }
+        if let Some(free) = self.cage.as_ref().and_then(|cage| cage.free.as_ref()) {
+            for (m, weight) in mobility.iter_mut().zip(free.weights(space).map_err(JobError::Free)?) {
+                *m *= weight;
+            }
+        }
         if let Some(pin) = &self.preserve.pin {
             for (m, weight) in mobility.iter_mut().zip(pin.weights(space).map_err(JobError::Pin)?) {
                 *m *= 1.0 - weight;
@@ -1025,10 +1180,10 @@ impl Outcome {
         self.along.as_ref().map(Along::drawing)
     }
 
-    /// The springs and the held nodes, of a job with the method "elastic".
+    /// The springs and the held nodes, of a job with the method "elastic"; the edges of a cage.
     #[must_use]
-    pub fn springs(&self) -> Option<&SpringDrawing> {
-        self.springs.as_ref()
+    pub fn net(&self) -> Option<&NetDrawing> {
+        self.net.as_ref()
     }
 
     /// Jacobian matrices ∂(deformed)/∂(rest) at each vertex (#vertices), which carry normals. `None` where the job
@@ -1040,8 +1195,10 @@ impl Outcome {
 
     /// Those with some displacement of a lattice's controls, after what was done along a surface.
     fn jacobians_of(&self, displacement: impl Fn(&Deformation) -> &[DVec3]) -> Option<Vec<DMat3>> {
-        let lattice =
-            self.deformation.as_ref().map(|d| d.lattice.jacobians(&d.rest_points, displacement(d), d.outside));
+        let lattice = self
+            .deformation
+            .as_ref()
+            .and_then(|d| d.deformer.jacobians(&d.rest_points, &d.rest_controls, displacement(d)));
         let along = self.along.as_ref().map(Along::jacobians);
         match (lattice, along) {
             (Some(lattice), Some(along)) => Some(lattice.iter().zip(&along).map(|(l, a)| *l * *a).collect()),
@@ -1063,9 +1220,10 @@ impl Outcome {
             let posed_change = determinants(along.posed_jacobians());
             return Some(Course { posed, posed_controls: Vec::new(), posed_change, corrected_change });
         };
-        let binding = d.lattice.bind(&d.rest_points, d.outside).ok()?; // it was bound before
+        let binding = d.deformer.binding(&d.rest_points, false).ok()?; // it was bound before
+        let spread = d.deformer.spread(&d.rest_controls, &d.posed);
         Some(Course {
-            posed: translated(&binding.displaced(&d.rest_points, &d.posed), d.origin),
+            posed: translated(&binding.displaced(&d.rest_points, &spread), d.origin),
             posed_controls: translated(&displaced(&d.rest_controls, &d.posed), d.origin),
             posed_change: determinants(self.jacobians_of(|d| &d.posed)?),
             corrected_change,
@@ -1091,166 +1249,4 @@ struct WantedPoint {
     request: PointRequest,
     /// The edit that dragged it there; `None`: `preserve` names it.
     edit: Option<usize>,
-}
-
-/// A lattice and its controls, relative to the job's origin.
-struct Controls {
-    lattice: Lattice,
-    rest: Vec<DVec3>,
-    posed: Vec<DVec3>,
-    mobility: Option<Vec<DVec3>>,
-    /// The lattice file, if there is one: model coordinates that did not change come back with their bits.
-    file: Option<PosedLattice>,
-}
-
-impl Controls {
-    fn at_rest(lattice: Lattice) -> Self {
-        let rest = lattice.rest();
-        Self { lattice, posed: rest.clone(), rest, mobility: None, file: None }
-    }
-
-    fn of_file(
-        request: &LatticeRequest,
-        file: &PosedLattice,
-        origin: DVec3,
-        warnings: &mut Vec<String>,
-    ) -> Result<Self, JobError> {
-        let LatticeRequest { basis, degree, knots, size, fit, margin, origin: corner, axes, file: _, outside: _ } =
-            request;
-        let given = [
-            ("lattice.basis", basis.is_some()),
-            ("lattice.degree", degree.is_some()),
-            ("lattice.knots", knots.is_some()),
-            ("lattice.size", size.is_some()),
-            ("lattice.fit", fit.is_some()),
-            ("lattice.margin", margin.is_some()),
-            ("lattice.origin", corner.is_some()),
-            ("lattice.axes", axes.is_some()),
-        ];
-        if let Some((key, _)) = given.into_iter().find(|(_, given)| *given) {
-            let problem = "cannot be combined with lattice.file, which says it already".into();
-            return Err(JobError::Value { key, problem });
-        }
-        let lattice = Lattice::new(file.lattice.bases().clone(), file.lattice.frame().moved(-origin))?;
-        let near = |positions: &[DVec3]| positions.iter().map(|p| *p - origin).collect::<Vec<_>>();
-        let greville = file.lattice.rest();
-        let apart = file.rest.iter().zip(&greville).map(|(a, b)| a.distance(*b)).fold(0.0, f64::max);
-        if apart > tolerances::INSIDE * lattice.frame().extent() {
-            warnings.push(format!(
-                "The rest positions of the lattice file are up to {apart:.3e} away from those that reproduce the model; only \
-                 the difference between rest and posed deforms it."
-            ));
-        }
-        Ok(Self {
-            lattice,
-            rest: near(&file.rest),
-            posed: near(&file.posed),
-            mobility: file.mobility.clone(),
-            file: Some(file.clone()),
-        })
-    }
-
-    fn made(
-        request: &LatticeRequest,
-        bounds: Bounds,
-        origin: DVec3,
-        warnings: &mut Vec<String>,
-    ) -> Result<Self, JobError> {
-        let bases = bases(request, warnings)?;
-        let frame = match (request.origin, request.axes) {
-            (Some(corner), Some(axes)) => {
-                for (key, given) in
-                    [("lattice.fit", request.fit.is_some()), ("lattice.margin", request.margin.is_some())]
-                {
-                    if given {
-                        let problem = "cannot be combined with an explicit origin and axes".into();
-                        return Err(JobError::Value { key, problem });
-                    }
-                }
-                Frame { origin: corner - origin, axes }
-            }
-            (None, None) => {
-                let sides = bounds.size();
-                if sides.min_element() <= tolerances::FLAT_SIDE * bounds.extent() {
-                    warnings.push("The model is flat, so its lattice is a tenth of the extent thick.".into());
-                }
-                let margin = request.margin.unwrap_or(0.0);
-                if !margin.is_finite() {
-                    let problem = format!("is {margin}: it must be a finite fraction of the extent");
-                    return Err(JobError::Value { key: "lattice.margin", problem });
-                }
-                Frame::fitted(bounds, margin)?
-            }
-            (Some(_), None) => {
-                let problem = "needs axes = [[…], […], […]] beside it, the edges of the frame".into();
-                return Err(JobError::Value { key: "lattice.origin", problem });
-            }
-            (None, Some(_)) => {
-                let problem = "needs origin = [x, y, z] beside it, the corner of the frame".into();
-                return Err(JobError::Value { key: "lattice.axes", problem });
-            }
-        };
-        Ok(Self::at_rest(Lattice::new(bases, frame)?))
-    }
-
-    /// The controls with `posed` instead of their pose, in model coordinates.
-    fn in_model_coordinates(&self, posed: &[DVec3], origin: DVec3) -> Result<PosedLattice, JobError> {
-        let far = |positions: &[DVec3]| translated(positions, origin);
-        let Some(file) = &self.file else {
-            let lattice = Lattice::new(self.lattice.bases().clone(), self.lattice.frame().moved(origin))?;
-            return Ok(PosedLattice { lattice, rest: far(&self.rest), posed: far(posed), mobility: None });
-        };
-        let unmoved = |i: usize, a: usize| posed[i][a] == self.posed[i][a];
-        let coordinate = |i: usize, a: usize| if unmoved(i, a) { file.posed[i][a] } else { posed[i][a] + origin[a] };
-        let posed = (0..posed.len()).map(|i| DVec3::from_array([0, 1, 2].map(|a| coordinate(i, a)))).collect();
-        Ok(PosedLattice { posed, ..file.clone() })
-    }
-}
-
-/// The bases that a request asks for.
-fn bases(request: &LatticeRequest, warnings: &mut Vec<String>) -> Result<[Basis; 3], JobError> {
-    /// Control points per axis for a newcomer: enough to bend and twist, few enough to grasp.
-    const SIZE: usize = 6;
-    /// Cubic: curvature is continuous.
-    const DEGREE: usize = 3;
-    let is_bernstein = request.basis == Some(BasisKind::Bernstein);
-    if is_bernstein && (request.degree.is_some() || request.knots.is_some()) {
-        warnings
-            .push("Degree and knots belong to B-splines; a Bernstein basis has degree size − 1 and needs none.".into());
-    }
-    let degree = request.degree.map_or([DEGREE; 3], |d| d.each());
-    let size = request.size.map(|s| s.each());
-    let knots = request.knots.clone().unwrap_or_default().each();
-    let mut bases = Vec::with_capacity(3);
-    for (a, (axis, knots)) in ['u', 'v', 'w'].into_iter().zip(knots).enumerate() {
-        let size_or_default = size.map_or(SIZE, |size| size[a]);
-        let basis = match knots {
-            _ if is_bernstein => Basis::bernstein(size_or_default),
-            AxisKnots::Explicit(knots) => {
-                let basis = Basis::with_knots(knots, degree[a]);
-                if let (Ok(basis), Some(size)) = (&basis, size)
-                    && basis.size() != size[a]
-                {
-                    let problem =
-                        format!("along {axis} makes {} control points, but size says {}", basis.size(), size[a]);
-                    return Err(JobError::Value { key: "lattice.knots", problem });
-                }
-                basis
-            }
-            AxisKnots::Rule(rule) => {
-                let most = size_or_default.saturating_sub(1).max(1);
-                if degree[a] > most {
-                    warnings
-                        .push(format!("Along {axis}, {size_or_default} control points lower the degree to {most}."));
-                }
-                let made = match rule {
-                    KnotRule::Clamped => Basis::clamped,
-                    KnotRule::Uniform => Basis::uniform,
-                };
-                made(size_or_default, degree[a].min(most))
-            }
-        };
-        bases.push(basis.map_err(|source: BasisError| LatticeError::Basis { axis, source })?);
-    }
-    Ok(bases.try_into().expect("three axes"))
 }

@@ -3,7 +3,9 @@
 use glam::DVec3;
 
 use crate::augmented::LevelReport;
+use crate::cage_binding::CageReport;
 use crate::correct::{Correction, Method, Status};
+use crate::drag_plane::DragPlane;
 use crate::health::Health;
 use crate::stretch::FlattenReport;
 use crate::wrap::WrapFolds;
@@ -26,6 +28,9 @@ pub struct Report {
     /// How the nodes settled, with the method "elastic"; absent with others.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub elastic: Option<ElasticReport>,
+    /// The cage and its coordinates; absent in jobs without one.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub cage: Option<CageJobReport>,
     /// Whether foldings were looked for: "off".
     pub folds: String,
     /// How long each stage took, in the order in which they ran.
@@ -35,6 +40,29 @@ pub struct Report {
     pub peak_memory: Option<u64>,
     /// What the user should know, one sentence each.
     pub warnings: Vec<String>,
+}
+
+/// How a cage carried the model.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct CageJobReport {
+    /// How good its coordinates are.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub binding: CageReport,
+    /// The drag planes that were asked for, of the cage in the end.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
+    pub planes: Vec<DragPlaneReport>,
+}
+
+/// The drag plane of a vertex of a cage.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct DragPlaneReport {
+    /// The vertex.
+    pub vertex: usize,
+    /// Its plane, model coordinates.
+    #[cfg_attr(feature = "serde", serde(flatten))]
+    pub plane: DragPlane,
 }
 
 /// How a model was laid along a surface.

@@ -8,6 +8,7 @@
 //! | `"all"` | `all` | every control point |
 //! | `{ k = 0 }`, `{ i = 0, k = [0, 5] }` | `k=0`, `i=0 k=0,5` | these 0-based indices along u (i), v (j), w (k), all at once |
 //! | `{ list = [[0, 0, 5], [1, 0, 5]] }` | | these (i, j, k) |
+//! | `{ vertices = [3, 17] }` | `v=3,17` | these vertices of a cage, 0-based |
 //! | `{ box = [[x, y, z], [x, y, z]] }` | | rest positions within the box |
 //! | `{ sphere = { center = [x, y, z], radius = r, falloff = f } }` | | rest positions within r of the centre |
 //!
@@ -21,19 +22,21 @@ use glam::DVec3;
 use crate::binding::BoundVertices;
 use crate::mesh::Bounds;
 use crate::tolerances;
+use crate::volume::Solid;
 
-/// The control points of a lattice at rest, and how a user's numbers are to be read among them.
+/// The control points of a lattice or a cage at rest, and how a user's numbers are to be read among them.
 ///
 /// Positions here are relative to `origin`, so that nothing is lost where a model is far from the origin of its file;
 /// users point with *model coordinates*, as in the file: model coordinates = position + `origin`.
-#[derive(Clone, Copy, Debug, PartialEq)]
+#[derive(Clone, Copy, Debug)]
 pub struct ControlSpace<'a> {
     /// Rest positions (#controls × 3), relative to `origin`; control (i, j, k) has the index
     /// `(i · size[1] + j) · size[2] + k`.
     pub rest: &'a [DVec3],
-    /// Control points along u, v, w; their product is #controls.
+    /// Control points along u, v, w; their product is #controls. Vertices of a cage are 1 × 1 × #controls; lattices have at least two points
+    /// along each axis.
     pub size: [usize; 3],
-    /// The axis-parallel box of the lattice frame at rest, relative to `origin`. Ranges are fractions of it, and its middle
+    /// The axis-parallel box of the lattice frame, or of the cage, at rest, relative to `origin`. Ranges are fractions of it, and its middle
     /// is the default centre.
     pub bounds: Bounds,
     /// The extent: longest side of the *model's* bounding box at rest, in its length unit.
@@ -43,6 +46,8 @@ pub struct ControlSpace<'a> {
     /// The model's vertices, relative to `origin`, and how they follow the control points: what a drag needs. `None`: there are
     /// no vertices.
     pub vertices: Option<BoundVertices<'a>>,
+    /// The body that the vertices bound: what keeps its volume in a slide. `None`: there is none.
+    pub solid: Option<&'a Solid>,
 }
 
 impl ControlSpace<'_> {
@@ -71,6 +76,21 @@ impl ControlSpace<'_> {
         [index / (nv * nw), index / nw % nv, index % nw]
     }
 
+    /// Whether the control points are vertices of a cage.
+    #[must_use]
+    pub fn is_cage(&self) -> bool {
+        self.size[..2] == [1, 1]
+    }
+
+    /// ∂V/∂C (#controls × 3) with the control points at `controls`. `None` where there are no vertices, or they bound no body.
+    #[must_use]
+    pub fn volume_gradient(&self, controls: &[DVec3]) -> Option<Vec<DVec3>> {
+        let (vertices, solid) = (self.vertices?, self.solid?);
+        let displacement: Vec<DVec3> = controls.iter().zip(self.rest).map(|(posed, rest)| *posed - *rest).collect();
+        let posed = vertices.binding.displaced(vertices.rest, &displacement);
+        Some(vertices.binding.adjoint(&solid.volume_gradient(&posed)))
+    }
+
     fn check_index(&self, axis: usize, index: usize) -> Result<(), SelectError> {
         let size = self.size[axis];
         if index < size { Ok(()) } else { Err(SelectError::Index { axis: INDEX_NAMES[axis], index, size }) }
@@ -95,6 +115,8 @@ pub enum Selector {
     Indices([Option<Vec<usize>>; 3]),
     /// The control points (i, j, k), 0-based.
     List(Vec<[usize; 3]>),
+    /// Vertices of a cage, 0-based.
+    Vertices(Vec<usize>),
     /// Rest positions within the box between two opposite corners in model coordinates, its faces included (up to
     /// [`tolerances::INSIDE`] of the longest side of the lattice box).
     Box([DVec3; 2]),
@@ -129,6 +151,30 @@ pub enum SelectError {
         /// Control points along that axis.
         size: usize,
     },
+    /// A vertex beyond the cage.
+    #[error("vertex {vertex} is beyond the cage: it has {vertices}, 0 to {}", .vertices.saturating_sub(1))]
+    Vertex {
+        /// The vertex.
+        vertex: usize,
+        /// Vertices of the cage.
+        vertices: usize,
+    },
+    /// Vertices of a cage where there is a lattice.
+    #[error(
+        "{selector} picks vertices of a cage, but the control points are those of a lattice: they have indices i, j, k"
+    )]
+    NoCage {
+        /// The selector.
+        selector: Selector,
+    },
+    /// Indices of a lattice where there is a cage.
+    #[error(
+        "{selector} picks points of a lattice, but the control points are vertices of a cage: write {{ vertices = [0, 1] }} or v=0,1"
+    )]
+    NoLattice {
+        /// The selector.
+        selector: Selector,
+    },
     /// An infinite coordinate or length, or one that is not a number.
     #[error("{key} is {value}: it must be finite")]
     NotFinite {
@@ -146,13 +192,15 @@ pub enum SelectError {
         value: f64,
     },
     /// None of the forms, or several at once.
-    #[error("a selector has either list, or box, or sphere, or some of i, j and k; this one has {}", if .keys.is_empty() { "none of them" } else { .keys })]
+    #[error("a selector has either list, or vertices, or box, or sphere, or some of i, j and k; this one has {}", if .keys.is_empty() { "none of them" } else { .keys })]
     Form {
         /// The keys it has, separated by commas.
         keys: String,
     },
     /// Text that is no selector.
-    #[error("`{text}` selects no control points: write `all` or 0-based indices such as `k=0`, `k=0,5` or `i=0 k=5`")]
+    #[error(
+        "`{text}` selects no control points: write `all` or 0-based indices such as `k=0`, `k=0,5` or `i=0 k=5`, of a cage `v=0,5`"
+    )]
     Text {
         /// The text.
         text: String,
@@ -177,6 +225,12 @@ impl Selector {
     pub fn weights(&self, controls: &ControlSpace) -> Result<Vec<f64>, SelectError> {
         // Like the border of a lattice, the border of a box or sphere holds what was rounded to just outside it.
         let slack = tolerances::INSIDE * controls.bounds.extent();
+        let selector = self.clone();
+        match self {
+            Self::Indices(_) | Self::List(_) if controls.is_cage() => return Err(SelectError::NoLattice { selector }),
+            Self::Vertices(_) if !controls.is_cage() => return Err(SelectError::NoCage { selector }),
+            _ => {}
+        }
         let weights: Vec<f64> = match self {
             Self::All => vec![1.0; controls.rest.len()],
             Self::Indices(indices) => index_weights(indices, controls)?,
@@ -184,6 +238,14 @@ impl Selector {
                 let mut weights = vec![0.0; controls.rest.len()];
                 for &node in nodes {
                     weights[controls.index(node)?] = 1.0;
+                }
+                weights
+            }
+            Self::Vertices(vertices) => {
+                let mut weights = vec![0.0; controls.rest.len()];
+                for &vertex in vertices {
+                    let missing = SelectError::Vertex { vertex, vertices: controls.rest.len() };
+                    *weights.get_mut(vertex).ok_or(missing)? = 1.0;
                 }
                 weights
             }
@@ -255,12 +317,16 @@ impl FromStr for Selector {
             return Ok(Self::All);
         }
         let no_selector = || SelectError::Text { text: text.to_owned() };
+        let numbers =
+            |list: &str| list.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>().map_err(|_| no_selector());
+        if let Some(list) = text.trim().strip_prefix("v=") {
+            return Ok(Self::Vertices(numbers(list)?));
+        }
         let mut indices = [None, None, None];
         for part in text.split_whitespace() {
             let (name, list) = part.split_once('=').ok_or_else(no_selector)?;
             let axis = INDEX_NAMES.iter().position(|n| name == n.to_string()).ok_or_else(no_selector)?;
-            let list = list.split(',').map(str::parse).collect::<Result<Vec<usize>, _>>().map_err(|_| no_selector())?;
-            if indices[axis].replace(list).is_some() {
+            if indices[axis].replace(numbers(list)?).is_some() {
                 return Err(SelectError::Twice { text: text.to_owned(), axis: INDEX_NAMES[axis] });
             }
         }
@@ -285,6 +351,9 @@ impl fmt::Display for Selector {
                 Ok(())
             }
             Self::List(nodes) => write!(f, "a list of {} control points", nodes.len()),
+            Self::Vertices(vertices) => {
+                write!(f, "v={}", vertices.iter().map(usize::to_string).collect::<Vec<_>>().join(","))
+            }
             Self::Box([a, b]) => write!(f, "the box from {a} to {b}"),
             Self::Sphere { center, radius, falloff } => {
                 write!(f, "the sphere round {center} of radius {radius} and falloff {falloff}")
@@ -324,6 +393,8 @@ mod form {
         k: Option<Indices>,
         #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "list")]
         list: Option<Vec<[usize; 3]>>,
+        #[serde(skip_serializing_if = "Option::is_none")]
+        vertices: Option<Indices>,
         #[serde(skip_serializing_if = "Option::is_none", deserialize_with = "corners")]
         r#box: Option<[DVec3; 2]>,
         #[serde(skip_serializing_if = "Option::is_none")]
@@ -362,7 +433,7 @@ mod form {
                 type Value = Form;
 
                 fn expecting(&self, f: &mut fmt::Formatter) -> fmt::Result {
-                    f.write_str("a selector: \"all\" or a table with i, j, k, list, box or sphere")
+                    f.write_str("a selector: \"all\" or a table with i, j, k, list, vertices, box or sphere")
                 }
 
                 fn visit_str<E: Error>(self, text: &str) -> Result<Form, E> {
@@ -409,7 +480,7 @@ mod form {
         type Error = SelectError;
 
         fn try_from(form: Form) -> Result<Self, SelectError> {
-            let Table { i, j, k, list, r#box, sphere } = match form {
+            let Table { i, j, k, list, vertices, r#box, sphere } = match form {
                 Form::Text(text) => return text.parse(),
                 Form::Table(table) => table,
             };
@@ -418,17 +489,19 @@ mod form {
                 ("j", j.is_some()),
                 ("k", k.is_some()),
                 ("list", list.is_some()),
+                ("vertices", vertices.is_some()),
                 ("box", r#box.is_some()),
                 ("sphere", sphere.is_some()),
             ];
             let any_index = has[..3].iter().any(|(_, there)| *there);
-            match (any_index, list, r#box, sphere) {
-                (true, None, None, None) => {
+            match (any_index, list, vertices, r#box, sphere) {
+                (true, None, None, None, None) => {
                     Ok(Self::Indices([i, j, k].map(|indices| indices.map(|Indices(list)| list))))
                 }
-                (false, Some(list), None, None) => Ok(Self::List(list)),
-                (false, None, Some(corners), None) => Ok(Self::Box(corners)),
-                (false, None, None, Some(Sphere { center, radius, falloff })) => {
+                (false, Some(list), None, None, None) => Ok(Self::List(list)),
+                (false, None, Some(Indices(vertices)), None, None) => Ok(Self::Vertices(vertices)),
+                (false, None, None, Some(corners), None) => Ok(Self::Box(corners)),
+                (false, None, None, None, Some(Sphere { center, radius, falloff })) => {
                     Ok(Self::Sphere { center, radius, falloff })
                 }
                 _ => {
@@ -446,6 +519,7 @@ mod form {
                 Selector::All => return Self::Text("all".to_owned()),
                 Selector::Indices(indices) => [table.i, table.j, table.k] = indices.map(|list| list.map(Indices)),
                 Selector::List(list) => table.list = Some(list),
+                Selector::Vertices(vertices) => table.vertices = Some(Indices(vertices)),
                 Selector::Box(corners) => table.r#box = Some(corners),
                 Selector::Sphere { center, radius, falloff } => {
                     table.sphere = Some(Sphere { center, radius, falloff });

@@ -9,6 +9,7 @@ use glam::DVec3;
 
 use crate::cage::Cage;
 use crate::elementary;
+use crate::mean_value::{cross, dot};
 use crate::parallel;
 
 /// Points that are taken at a time.
@@ -29,7 +30,6 @@ pub(crate) fn winding_numbers(cage: &Cage, points: &[DVec3]) -> Vec<f64> {
 #[inline(always)]
 fn fill<S: Simd>(simd: S, cage: &Cage, points: &[DVec3], numbers: &mut [f64]) {
     let zero = f64x4::splat(simd, 0.0);
-    let dot = |a: [f64x4<S>; 3], b: [f64x4<S>; 3]| a[0] * b[0] + a[1] * b[1] + a[2] * b[2];
     let mut corners = vec![([zero; 3], zero); cage.vertices().len()];
     for (points, numbers) in points.chunks(LANES).zip(numbers.chunks_mut(LANES)) {
         let of = |lane: usize| points[lane.min(points.len() - 1)];
@@ -40,9 +40,8 @@ fn fill<S: Simd>(simd: S, cage: &Cage, points: &[DVec3], numbers: &mut [f64]) {
         }
         let mut sum = zero;
         for [(a, la), (b, lb), (c, lc)] in cage.triangles().iter().map(|t| t.map(|v| corners[v as usize])) {
-            let cross = [b[1] * c[2] - b[2] * c[1], b[2] * c[0] - b[0] * c[2], b[0] * c[1] - b[1] * c[0]];
             let denominator = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
-            sum += elementary::atan2(simd, dot(a, cross), denominator); // half of the angle
+            sum += elementary::atan2(simd, dot(a, cross(b, c)), denominator); // half of the angle
         }
         let sums: [f64; LANES] = sum.into();
         numbers.iter_mut().zip(sums).for_each(|(number, sum)| *number = sum / (2.0 * PI));

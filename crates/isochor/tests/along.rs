@@ -7,7 +7,7 @@ use glam::DVec3;
 use isochor::{Film, Job, JobError, JobInput, Mesh, Outcome, Source, shapes, topology};
 
 fn run(mesh: &Mesh, toml: &str) -> Result<Outcome, JobError> {
-    let input = JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None };
+    let input = JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None, cage: None };
     Job::from_toml(toml).unwrap().run(&input, &mut |_| {})
 }
 
@@ -170,7 +170,7 @@ fn films_move_models_along_surfaces() {
     let text = format!("frames = 3\n{CYLINDER}place = {{ at = [{{ keys = [[0, 0.3], [1, 0.7]] }}, 0.5] }}");
     let film = Film::from_toml(&text).unwrap();
     let mesh = plate();
-    let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+    let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None };
     let angles: Vec<f64> = (0..3)
         .map(|frame| {
             let points = film.job(frame).unwrap().run(&input, &mut |_| {}).unwrap().points;

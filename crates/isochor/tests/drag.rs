@@ -44,6 +44,7 @@ impl Posed {
             extent: 2.0,
             origin: self.origin,
             vertices: Some(BoundVertices { rest: &self.vertices, binding: &self.binding }),
+            solid: None,
         };
         let points = points.iter().map(|&(vertex, to)| PointRequest { vertex, to: to + self.origin }).collect();
         let mut controls = self.controls.clone();
@@ -266,6 +267,7 @@ fn wrong_drags_say_what_is_wrong() {
         extent: 2.0,
         origin: DVec3::ZERO,
         vertices: None,
+        solid: None,
     };
     let drag = Drag { points: vec![PointRequest { vertex: 0, to: DVec3::ZERO }], nodes: Selector::All };
     let error = Edit::Drag(drag).apply(&mut ball.rest.clone(), &space).unwrap_err();

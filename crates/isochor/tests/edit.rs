@@ -25,7 +25,7 @@ fn rest() -> Vec<DVec3> {
 
 fn space(rest: &[DVec3]) -> ControlSpace<'_> {
     let bounds = Bounds { min: LOW, max: HIGH };
-    ControlSpace { rest, size: SIZE, bounds, extent: EXTENT, origin: ORIGIN, vertices: None }
+    ControlSpace { rest, size: SIZE, bounds, extent: EXTENT, origin: ORIGIN, vertices: None, solid: None }
 }
 
 fn applied(edits: &[Edit]) -> Result<Vec<DVec3>, EditError> {

@@ -12,7 +12,7 @@ use numbers::{number, numbers, reference, vectors};
 
 fn run(mesh: &Mesh, toml: &str) -> Result<Outcome, JobError> {
     let job = Job::from_toml(toml).unwrap_or_else(|error| panic!("{error}"));
-    let input = JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None };
+    let input = JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None, cage: None };
     let outcome = job.run(&input, &mut |_| {})?;
     if let Some(error) = outcome.report.volume.as_ref().and_then(|volume| volume.overall.relative_error) {
         assert!(error <= 1e-13, "{error:e}");
@@ -266,7 +266,7 @@ fn films_settle_frame_by_frame() {
     let film = Film::from_toml(&text).unwrap();
     let energies: Vec<f64> = (0..3)
         .map(|frame| {
-            let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+            let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None };
             let outcome = film.job(frame).unwrap().run(&input, &mut |_| {}).unwrap();
             assert!(outcome.report.volume.unwrap().overall.relative_error.unwrap() <= 1e-13);
             outcome.report.elastic.unwrap().energy

@@ -64,7 +64,8 @@ impl Panel {
     }
 
     fn run(&self, job: &Job) -> Outcome {
-        let input = JobInput { mesh: &self.mesh, source: &Source::of(&self.mesh), lattice: None, surface: None };
+        let input =
+            JobInput { mesh: &self.mesh, source: &Source::of(&self.mesh), lattice: None, surface: None, cage: None };
         job.run_examined(&self.examination, &input, &mut |_| {}).unwrap()
     }
 
@@ -368,7 +369,7 @@ fn plates_settle_with_their_volumes() {
         // The lattice of the one with continuity ends within the model.
         let is_continued = |warning: &String| name == "center" && warning.contains("outside the lattice and stay");
         assert!(outcome.report.warnings.iter().all(is_continued), "{name}: {:?}", outcome.report.warnings);
-        let drawing = outcome.springs().unwrap();
+        let drawing = outcome.net().unwrap();
         assert_eq!(
             (drawing.ends.len(), drawing.is_held.len()),
             (elastic.springs, elastic.held + elastic.free),

@@ -334,8 +334,10 @@ fn every_frame_of_a_twisting_cube_has_its_volume() {
     .unwrap();
     let cube = shapes::cube(8);
     let source = Source::of(&cube);
-    let (input, examination) =
-        (JobInput { mesh: &cube, source: &source, lattice: None, surface: None }, Examination::of(&cube, &source));
+    let (input, examination) = (
+        JobInput { mesh: &cube, source: &source, lattice: None, surface: None, cage: None },
+        Examination::of(&cube, &source),
+    );
     for frame in 0..9 {
         let job = film.job(frame).unwrap();
         let outcome = job.run_examined(&examination, &input, &mut |_| {}).unwrap();

@@ -15,7 +15,7 @@ const EDITS: &str = "edit = [{ taper = { axis = \"z\", scale = 0.5 } }, { twist 
 
 fn run_with(mesh: &Mesh, toml: &str, lattice: Option<&PosedLattice>) -> Result<Outcome, JobError> {
     let job = Job::from_toml(toml).unwrap();
-    let input = JobInput { mesh, source: &Source::of(mesh), lattice, surface: None };
+    let input = JobInput { mesh, source: &Source::of(mesh), lattice, surface: None, cage: None };
     let outcome = job.run(&input, &mut |_| {})?;
     // What must hold of every outcome.
     assert_eq!(outcome.points.len(), mesh.points().len());
@@ -782,7 +782,7 @@ fn stages_are_announced_in_order_and_timed() {
     let mesh = cube(2);
     let stages = |toml: &str| {
         let mut seen = Vec::new();
-        let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+        let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None };
         let outcome = Job::from_toml(toml).unwrap().run(&input, &mut |stage| seen.push(stage)).unwrap();
         let timed: Vec<String> = outcome.report.timings_ms.0.into_iter().map(|(name, _)| name).collect();
         assert_eq!(timed, seen.iter().map(|s| s.name()).collect::<Vec<_>>());

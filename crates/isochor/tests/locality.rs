@@ -229,7 +229,7 @@ mod jobs {
         );
         Job::from_toml(&job)
             .unwrap()
-            .run(&JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None }, &mut |_| {})
+            .run(&JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None, cage: None }, &mut |_| {})
     }
 
     fn bits(p: DVec3) -> [u64; 3] {
@@ -264,7 +264,7 @@ mod jobs {
         let mesh = cube(4);
         let source = Source::of(&mesh);
         let run = |toml: &str| {
-            let input = JobInput { mesh: &mesh, source: &source, lattice: None, surface: None };
+            let input = JobInput { mesh: &mesh, source: &source, lattice: None, surface: None, cage: None };
             Job::from_toml(toml).unwrap().run(&input, &mut |_| {}).unwrap().points
         };
         for volume in ["80%", "120%", "rest"] {

@@ -26,6 +26,7 @@ fn weights(selector: &Selector) -> Result<Vec<f64>, SelectError> {
         extent: 4.0,
         origin: ORIGIN,
         vertices: None,
+        solid: None,
     };
     let weights = selector.weights(&space)?;
     assert_eq!(weights.len(), 4 * 5 * 6);

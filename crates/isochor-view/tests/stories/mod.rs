@@ -60,7 +60,7 @@ impl Story {
 /// Runs a job.
 pub fn run(mesh: Mesh, job: &str) -> Run {
     let job = Job::from_toml(job).expect("a job");
-    let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None };
+    let input = JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: None };
     let outcome = job.run(&input, &mut |_| {}).expect("an outcome");
     let course = outcome.course();
     Run { mesh, outcome, course }

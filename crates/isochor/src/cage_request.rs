@@ -1,0 +1,68 @@
+//! The section `[cage]` of a job.
+
+use std::path::PathBuf;
+
+use glam::DVec3;
+
+use crate::cage_binding::{CageOptions, Coordinates};
+use crate::harmonic::HarmonicOptions;
+use crate::lattice::Outside;
+use crate::mesh::Mesh;
+use crate::select::Selector;
+
+/// The cage to deform with.
+#[derive(Clone, Debug, Default, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(default, deny_unknown_fields))]
+pub struct CageRequest {
+    /// The cage at rest: a closed mesh.
+    pub file: Option<PathBuf>,
+    /// The posed cage: a mesh with the same vertices in the same order, or CageModeler's moves of handles (`.param`).
+    pub posed: Option<PathBuf>,
+    /// The coordinates.
+    pub coordinates: Coordinates,
+    /// What happens to vertices outside; by default they follow the cage, too ("extend").
+    pub outside: Option<Outside>,
+    /// Cells of the grid of harmonic coordinates, along the longest side of the cage.
+    pub resolution: Option<usize>,
+    /// Saved coordinates of this model in this cage, instead of computing them.
+    pub weights: Option<PathBuf>,
+    /// Where to save the coordinates.
+    pub save_weights: Option<PathBuf>,
+    /// The vertices of the cage that restore the volume; the others stay where the edits put them. By default all do, as `preserve.pin` allows.
+    pub free: Option<Selector>,
+    /// Vertices of the cage whose drag planes are reported and drawn.
+    pub planes: Option<Selector>,
+}
+
+impl CageRequest {
+    /// How the model is bound.
+    #[must_use]
+    pub fn options(&self) -> CageOptions {
+        let default = HarmonicOptions::default();
+        CageOptions {
+            coordinates: self.coordinates,
+            outside: self.outside.unwrap_or(Outside::Extend),
+            harmonic: HarmonicOptions { resolution: self.resolution.unwrap_or(default.resolution) },
+        }
+    }
+}
+
+/// The cage of a job, as its files hold it: model coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct CageInput {
+    /// The cage at rest.
+    pub mesh: Mesh,
+    /// Its vertices posed (#vertices × 3), where the job names a posed cage.
+    pub posed: Option<Vec<DVec3>>,
+    /// Saved coordinates (#model vertices × #controls, [`CageBinding::weights`](crate::CageBinding::weights)), where the job names them.
+    pub weights: Option<Vec<f64>>,
+}
+
+/// A cage with a pose: model coordinates.
+#[derive(Clone, Debug, PartialEq)]
+pub struct PosedCage {
+    /// The cage at rest, with its faces.
+    pub mesh: Mesh,
+    /// Its vertices posed (#vertices × 3).
+    pub posed: Vec<DVec3>,
+}
