@@ -7,7 +7,7 @@
 //! f(p) = Σ φ_i v′_i + Σ ψ_j s_j n′_j,   s² = (|u′|²|w|² − 2 (u′·w′)(u·w) + |w′|²|u|²) / (8 area²),
 //! ```
 //!
-//! (5) and (11) of Y. Lipman, D. Levin, D. Cohen-Or, *Green coordinates*, ACM Trans. Graph. 27 (2008): u and w are two edges of a triangle, the stretch s
+//! (Y. Lipman, D. Levin, D. Cohen-Or, *Green coordinates*, ACM Trans. Graph. 27 (2008)): u and w are two edges of a triangle, the stretch s
 //! scales its normal. Rotations, shifts and uniform scalings of the cage are those of the points. f is linear in the vertices and the
 //! stretched normals m = s n′, not in the vertices alone.
 //!
@@ -159,7 +159,7 @@ impl<'a> Rest<'a> {
             let is_between = ab.simd_lt(zero);
             let n = sum * sum * is_between.select((rr - ab) * (1.0 / (length * length)), one);
             let d = is_between.select(dot(&away, &away), rr + ab) * 2.0;
-            // Nearer than 1e-120 lengths the point is on the edge, where products with L are 0.
+            // Nearer than about 1e-125 lengths the point is on the edge, where products with L are 0.
             let is_apart = d.simd_gt(n * 1e-250);
             is_apart.select(ln_of_quotient(simd, n, d), zero).store_slice(&mut edge.logarithm);
             ab.store_slice(&mut edge.product);
@@ -174,7 +174,8 @@ impl<'a> Rest<'a> {
 
     /// The triangle whose frame continues the coordinates to `p`: the closest, of several the one over whose plane `p` is highest.
     fn closest_frame(&self, p: DVec3) -> usize {
-        /// Distances that differ by less, relative to the extent, are the same: their rounding.
+        /// Distances that differ by less, relative to the extent, are the same. Larger: a triangle that is not the closest takes its place near
+        /// the border of its realm; smaller: beyond an edge rounding decides between its triangles.
         const SAME: f64 = 1e-12;
         let distance = |t: usize| {
             let corners = self.cage.corners(t).map(|v| v - p);
@@ -304,11 +305,11 @@ impl<'a> Rest<'a> {
             let mut of_angle = [zero; 3];
             let n = face.normal.to_array();
             let mut of_potential = [angle * n[0], angle * n[1], angle * n[2]];
-            for i in 0..3 {
+            for (i, logarithm) in l.iter().enumerate() {
                 let (slopes, across) = (&seen.slopes[face.edges[i]], face.across[i].to_array());
                 for k in 0..3 {
                     of_angle[k] += f64x4::from_slice(simd, &slopes.angle[k]) * face.directions[i];
-                    of_potential[k] -= l[i] * across[k];
+                    of_potential[k] -= *logarithm * across[k];
                 }
             }
             // (Γ v′) ⊗ ∇Ω + D Ω + (Σ Dν L) ⊗ n − h Σ Dν ⊗ ∇L + m ⊗ ∇∫1/r
@@ -514,6 +515,7 @@ const BELOW: f64 = 1e-9;
 
 impl Rest<'_> {
     fn off_the_cage(&self, p: DVec3) -> DVec3 {
+        /// Larger: the matrix is of elsewhere; smaller: it loses digits at edges and vertices.
         const TO_THE_MIDDLE: f64 = 1e-6;
         let closest = self.cage.closest(p);
         if closest.distance > NEAR * self.cage.extent() {
@@ -576,7 +578,7 @@ fn stretched(cage: &Cage, posed: &[DVec3]) -> impl Iterator<Item = Option<Stretc
         // Half the derivative of the paper's radicand.
         let halves = [ww * edges[0] - uw * edges[1], uu * edges[1] - uw * edges[0]];
         let divisor = 2.0 * u.cross(w).length_squared(); // 8 area²
-        let stretch = ((edges[0].dot(halves[0]) + edges[1].dot(halves[1])).max(0.0) / divisor).sqrt(); // (11)
+        let stretch = ((edges[0].dot(halves[0]) + edges[1].dot(halves[1])).max(0.0) / divisor).sqrt();
         let normal = doubled.try_normalize()?;
         Some(Stretched {
             corners,
