@@ -108,6 +108,8 @@ mod gauss;
 mod geodesic;
 mod goals;
 mod gradient;
+mod harmonic;
+mod harmonic_grid;
 mod health;
 mod height_scale;
 mod homogeneous;
@@ -194,6 +196,7 @@ pub use flatten::{
 };
 pub use geodesic::Geodesic;
 pub use goals::{Components, VolumeGoal};
+pub use harmonic::{Harmonic, HarmonicError, HarmonicOptions, HarmonicReport};
 pub use health::{ComponentHealth, Health, Source, Verdict};
 pub use height_scale::{HeightScale, HeightScaleError, scaled_heights};
 pub use interpolation::Smoothness;
