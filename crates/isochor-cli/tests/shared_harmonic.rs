@@ -35,7 +35,9 @@ fn real_cages_have_coordinates_that_reproduce_points() {
         let mut row = vec![0.0; cage.vertices().len()];
         let mut inside = 0;
         for p in mesh(model).points() {
-            if !harmonic.fill_row(*p, &mut row) {
+            let is_inside = harmonic.fill_row(*p, &mut row);
+            assert_eq!(is_inside, cage.contains(*p), "{model} at {p}");
+            if !is_inside {
                 continue;
             }
             inside += 1;
@@ -45,9 +47,7 @@ fn real_cages_have_coordinates_that_reproduce_points() {
             assert!(at.distance(*p) < 1e-11 * cage.extent(), "{model} at {p}: {at}");
             assert!(row.iter().all(|w| *w > -1e-13), "{model} at {p}");
         }
-        // "732 (0.7746)": another program's winding numbers.
-        let expected: usize = cells[7].split(' ').next().unwrap().parse().unwrap();
-        assert_eq!(inside, expected, "{model}");
+        assert!(inside > 0, "{model}");
     }
     assert_eq!(pairs, 19);
 }

@@ -1,11 +1,11 @@
 //! Harmonic coordinates of a cage.
 //!
 //! Wanted are functions αᵢ, one for each vertex of a closed triangle cage, with `Δαᵢ = 0` inside, and on each triangle the barycentric
-//! coordinate of vertex i (P. Joshi, M. Meyer, T. DeRose, B. Green, T. Sanocki, *Harmonic coordinates for character articulation*, 2007,
-//! section 4). So `Σ αᵢ = 1`, `Σ αᵢ(p) vᵢ = p`, `αᵢ ≥ 0`, and a vertex acts through the inside of the cage only: not across a gap. They
+//! coordinate of vertex i (P. Joshi, M. Meyer, T. DeRose, B. Green, T. Sanocki, *Harmonic coordinates for character articulation*, 2007).
+//! So `Σ αᵢ = 1`, `Σ αᵢ(p) vᵢ = p`, `αᵢ ≥ 0`, and a vertex acts through the inside of the cage only: not across a gap. They
 //! have no closed form.
 //!
-//! As in the paper (section 5) Laplace's equation is solved on a grid of cubic cells. At a node inside, with arms of length θ cells along the axes
+//! As in the paper Laplace's equation is solved on a grid of cubic cells. At a node inside, with arms of length θ cells along the axes
 //! to the next node or to the cage,
 //!
 //! ```text
@@ -17,13 +17,13 @@
 //! symmetric discretization of the Poisson equation on irregular domains*, 2002): linear functions are solutions without error, the error of
 //! others falls with the square of the step away from kinks of the cage, and α at nodes lies between 0 and 1 (a matrix M whose rows
 //! have sums ≥ 0). (2) It lets heat spread until nothing changes much, on several grids. The equations are symmetric and positive definite;
-//! their Cholesky factor (the crate `faer`) serves all vertices, so nothing has to
-//! converge. (3) Values between nodes are made by the same
-//! equation ([`crate::harmonic_grid`]) instead of trilinearly only, so that they are exact on the cage, and for linear functions.
+//! their Cholesky factor (the crate `faer`) serves all vertices, so nothing has to converge. (3) Values between nodes are made by the
+//! same equation ([`crate::harmonic_grid`]) instead of trilinearly only, so that they are exact on the cage, and for linear functions.
 //!
 //! *Errors.* Coordinates sum to 1 and reproduce p up to rounding at any resolution. α itself has an error that falls with the step; the report says
-//! by how much a grid twice as coarse differs. It is largest next to edges of the cage; in the middle of a cube of 32 cells it is 4e-4. Where lines between nodes do not meet the surroundings of a
-//! vertex at all, which happens in parts that are thinner than a cell, the cage is refused.
+//! by how much a grid twice as coarse differs. It is largest next to edges of the cage; in the middle of a cube of 32 cells it is 4e-4.
+//! Where lines between nodes do not meet the surroundings of a vertex at all, which happens in parts that are thinner than a cell, the
+//! cage is refused.
 
 use std::cmp::Ordering;
 
@@ -45,6 +45,9 @@ const LEAST_RESOLUTION: usize = 2;
 
 /// Cells along the longest side of a cage at most. More: gigabytes for the cells alone.
 const MOST_RESOLUTION: usize = 256;
+
+/// Nodes inside at most: a box of 64 cells along each side. More: gigabytes for the factor, and minutes.
+const MOST_UNKNOWNS: usize = 1 << 18;
 
 /// Numbers in a Cholesky factor at most. More: gigabytes, and minutes.
 const MOST_VALUES: usize = 1 << 28;
@@ -263,6 +266,9 @@ impl Equations {
     fn new(cage: &Cage, resolution: usize) -> Result<Self, HarmonicError> {
         let grid = Grid::new(cage, resolution).ok_or(HarmonicError::Far)?;
         let nodes: Vec<u32> = (0..grid.node_count()).filter(|i| grid.is_inside(*i)).map(|i| i as u32).collect();
+        if nodes.len() > MOST_UNKNOWNS {
+            return Err(HarmonicError::TooLarge { unknowns: nodes.len(), vertices: cage.vertices().len() });
+        }
         let mut unknowns = vec![NONE; grid.node_count()];
         nodes.iter().enumerate().for_each(|(unknown, node)| unknowns[*node as usize] = unknown as u32);
         let parts = parallel::map_chunks(nodes.len(), parallel::CHUNK / 8, |range| {
@@ -408,12 +414,11 @@ fn dissect(nodes: &mut [usize], places: &[Place]) {
     };
     let axis = (0..3).max_by_key(|axis| range(*axis).1 - range(*axis).0).unwrap_or(0);
     let (low, high) = range(axis);
-    let middle = nodes.len() / 2;
-    let mut along: Vec<usize> = nodes.iter().map(|n| places[*n][axis]).collect();
-    let plane = *along.select_nth_unstable(middle).1;
     if low == high {
         return;
     }
+    let mut along: Vec<usize> = nodes.iter().map(|n| places[*n][axis]).collect();
+    let plane = *along.select_nth_unstable(nodes.len() / 2).1;
     let side = |n: &usize| match places[*n][axis].cmp(&plane) {
         Ordering::Less => 0,
         Ordering::Greater => 1,
@@ -735,6 +740,8 @@ mod tests {
             let refused = Harmonic::new(&cube, &HarmonicOptions { resolution }).unwrap_err();
             assert_eq!(refused, HarmonicError::Resolution { resolution });
         }
+        let refused = Harmonic::new(&cube, &HarmonicOptions { resolution: 70 }).unwrap_err();
+        assert_eq!(refused, HarmonicError::TooLarge { unknowns: 70 * 70 * 70, vertices: 8 });
         let far = cube.moved(DVec3::splat(1e15)).unwrap();
         assert_eq!(Harmonic::new(&far, &HarmonicOptions::default()).unwrap_err(), HarmonicError::Far);
         assert_eq!(HarmonicOptions::fitted(&cube).resolution, 27); // 27³ = 19,683
