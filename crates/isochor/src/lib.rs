@@ -114,6 +114,8 @@ mod geodesic;
 mod goals;
 mod gradient;
 mod green;
+mod harmonic;
+mod harmonic_grid;
 mod health;
 mod height_scale;
 mod homogeneous;
@@ -208,6 +210,7 @@ pub use flatten::{
 pub use geodesic::Geodesic;
 pub use goals::{Components, VolumeGoal};
 pub use green::{green_coordinates, stretched_normals};
+pub use harmonic::{Harmonic, HarmonicError, HarmonicOptions, HarmonicReport};
 pub use health::{ComponentHealth, Health, Source, Verdict};
 pub use height_scale::{HeightScale, HeightScaleError, scaled_heights};
 pub use interpolation::Smoothness;
