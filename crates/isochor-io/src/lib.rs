@@ -27,6 +27,8 @@ mod number;
 mod obj;
 mod obj_patches;
 mod obj_refined;
+mod off;
+mod off_refined;
 mod patch_file;
 mod patch_json;
 mod ply;
