@@ -17,6 +17,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod binding_file;
 mod document;
 mod format;
 mod lattice_file;
@@ -45,6 +46,7 @@ mod weld;
 mod words;
 mod write_error;
 
+pub use binding_file::{SavedBinding, hash_of_cage, hash_of_points};
 pub use document::{Document, WriteOptions, Written};
 pub use format::Format;
 pub use isochor::Precision;
