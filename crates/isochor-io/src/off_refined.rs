@@ -144,8 +144,7 @@ impl Mixer<'_> {
             mixed_direction(mix, old, jacobian)
         });
         let is_mixable = are_known && are_alike && !is_one;
-        let mut is_done = is_mixable || is_one || heaviest.len() == POSITION;
-        is_done &= normal.is_some() || !is_turned;
+        let mut is_done = (is_mixable || is_one) && (normal.is_some() || !is_turned);
         self.text.extend_from_slice(line_break(rows.bytes));
         for (k, word) in heaviest.iter().enumerate() {
             if k > 0 {
