@@ -64,7 +64,7 @@ pub enum Command {
         after_help = "Examples:\n  isochor info bunny.ply\n  isochor info --json bunny.ply\n  isochor info shape:cup"
     )]
     Info {
-        /// The model: .obj, .ply or .stl, or a built-in shape such as shape:ball.
+        /// The model: .obj, .ply, .stl or .off, or a built-in shape such as shape:ball.
         model: PathBuf,
     },
     /// Deform a model and keep its volume, from flags or from a job file.
@@ -175,7 +175,7 @@ Exit codes: 0 done; 1 the request cannot be met; 2 bad input or usage. Nothing i
 
 #[derive(Clone, Debug, Default, Args)]
 pub struct DeformArgs {
-    /// The model: .obj, .ply or .stl, or a built-in shape such as shape:ball; isochor help lists them.
+    /// The model: .obj, .ply, .stl or .off, or a built-in shape such as shape:ball; isochor help lists them.
     pub model: Option<PathBuf>,
     /// Where the result goes; the same format keeps everything else in the file.
     #[arg(long, short, value_name = "FILE")]

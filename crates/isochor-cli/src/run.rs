@@ -193,7 +193,7 @@ fn written(
     let points = match request.output_format {
         // Welded corners have other numbers there; the coordinates are 32-bit floats.
         Format::Stl => points.iter().map(|p| p.as_vec3().as_dvec3()).collect(),
-        Format::Obj | Format::Ply => new.mesh().points().to_vec(),
+        Format::Obj | Format::Ply | Format::Off => new.mesh().points().to_vec(),
     };
     let notes = match request.model {
         Model::File { .. } => vec![note],

@@ -1086,13 +1086,38 @@ fn saved_controls_give_the_same_vertices_again() {
 fn a_model_comes_back_byte_for_byte_where_nothing_is_asked() {
     let folder = Folder::new();
     folder.write("odd.obj", "# by hand\r\nv 0 0 0 1\r\nv 1.50 0 0\nv +0 1e0 0\n\no it\nf 1// 2// \\\n3//\n#end");
-    for model in ["ball.ply", "cube.obj", "bottle.stl", "odd.obj"] {
+    folder.write(
+        "odd.off",
+        "COFF # by hand\r\n3 1 2\n\n0 0 0 255 0 0\r1.50 0 0 255 0 0\n+0 1e0 0 9 9 9 # c\n3 0 1\n2 0.5 0 0\n#end",
+    );
+    for model in ["ball.ply", "cube.obj", "bottle.stl", "odd.obj", "odd.off"] {
         let copy = format!("copy-{model}");
         folder.report(&format!("{model} -o {copy}"));
         assert!(folder.bytes(model) == folder.bytes(&copy), "{model}");
     }
     folder.report("ball.ply -o lattice.ply --lattice 4");
     assert!(folder.bytes("ball.ply") == folder.bytes("lattice.ply"), "a lattice at rest moves nothing");
+}
+
+#[test]
+fn off_models_are_examined_deformed_and_divided_along_surfaces() {
+    let folder = Folder::new();
+    folder.report("shape:cube?n=4 -o cube.off");
+    let info = folder.isochor("info --json cube.off").succeeded().json();
+    assert_eq!((info["format"].as_str(), info["closed"].as_bool()), (Some("off"), Some(true)), "{info}");
+    let head = |name: &str| String::from_utf8(folder.bytes(name)).unwrap().lines().nth(1).unwrap().to_owned();
+    let before = head("cube.off");
+    let report = folder.report("cube.off --in-place --twist z=90 --preserve gradient");
+    assert!(number(&report, "relative_error") <= 1e-13, "{report}");
+    assert_eq!(head("cube.off"), before);
+    let found = volume(folder.document("cube.off").mesh());
+    assert!((found / number(&report, "written") - 1.0).abs() <= 1e-13, "{found}");
+
+    folder.report("shape:plate?n=1 -o plate.off");
+    let report = folder.report("plate.off -o arch.off --surface cylinder:radius=0.5,height=2 --grid 24");
+    assert!(report["surface"]["edge_points"].as_u64().unwrap() > 0, "{report}");
+    let [flat, arch] = ["plate.off", "arch.off"].map(|name| folder.document(name).mesh().faces().len());
+    assert!(arch > flat, "{arch} faces of {flat}");
 }
 
 #[test]
@@ -1138,7 +1163,8 @@ fn conversion_keeps_the_volume() {
     assert!(report["warnings"].to_string().contains("converted from obj to ply"), "{report}");
     folder.report("a.ply -o b.stl");
     folder.report("b.stl -o c.obj --precision f64");
-    for (name, tolerance) in [("a.ply", 0.0), ("b.stl", 1e-7), ("c.obj", 1e-7)] {
+    folder.report("a.ply -o e.off");
+    for (name, tolerance) in [("a.ply", 0.0), ("b.stl", 1e-7), ("c.obj", 1e-7), ("e.off", 0.0)] {
         let found = volume(folder.document(name).mesh());
         assert!((found / rest - 1.0).abs() <= tolerance, "{name}: {found}");
     }
@@ -1515,7 +1541,7 @@ fn bad_input_ends_with_2_and_writes_nothing() {
     for (line, code, fragment) in [
         ("info nowhere.obj", "file", "nowhere.obj"),
         ("info cut.obj", "read", "line 3"),
-        ("info lattice.json", "read", ".obj, .ply or .stl"),
+        ("info lattice.json", "read", ".obj, .ply, .stl or .off"),
         ("deform nowhere.obj -o out.obj", "file", "nowhere.obj"),
         ("deform cut.obj -o out.obj", "read", "line 3"),
         ("deform cube.obj -o out.xyz", "read", "'.xyz'"),

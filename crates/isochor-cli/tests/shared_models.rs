@@ -198,7 +198,7 @@ const IN_THE_MANIFEST: [&str; 2] = ["topo-duplicate-face.obj", "topo-nonplanar-q
 /// What is wrong with a refusal, if anything.
 fn fault_of_error(file: &str, sentence: &str, error: &ReadError) -> Option<&'static str> {
     let bytes = std::fs::read(shared(&format!("broken/made/{file}"))).unwrap();
-    let is_text = !bytes.contains(&0) && (file.ends_with(".obj") || file.contains("ascii"));
+    let is_text = !bytes.contains(&0) && (file.ends_with(".obj") || file.ends_with(".off") || file.contains("ascii"));
     if !sentence.contains("refuse") {
         Some("it can be read")
     } else if error.what().is_empty() || error.hint().is_none() {
@@ -491,14 +491,17 @@ fn header_and_faces(ply: &[u8]) -> (&str, &[u8]) {
     (header, &ply[end + 12 * count..])
 }
 
-/// Fails where anything but the three coordinates of `v` lines differs.
-fn assert_only_coordinates_differ(before: &[u8], after: &[u8]) {
+/// Fails where anything but the three coordinates of `v` lines differs, or of the lines of vertices behind both first ones in OFF.
+fn assert_only_coordinates_differ(format: Format, before: &[u8], after: &[u8]) {
     let [before, after] = [before, after].map(|bytes| std::str::from_utf8(bytes).unwrap());
     assert_eq!(before.lines().count(), after.lines().count());
-    for (a, b) in before.lines().zip(after.lines()) {
-        if a.starts_with("v ") {
+    let counts = before.lines().nth(1).unwrap().split(' ').next().unwrap();
+    let rows = if format == Format::Off { 2..2 + counts.parse::<usize>().unwrap() } else { 0..0 };
+    for (k, (a, b)) in before.lines().zip(after.lines()).enumerate() {
+        if a.starts_with("v ") || rows.contains(&k) {
+            let first = usize::from(a.starts_with("v "));
             let [a, b] = [a, b].map(|line| line.split(' ').collect::<Vec<_>>());
-            assert_eq!((a.len(), a[0], &a[4..]), (b.len(), b[0], &b[4..]));
+            assert_eq!((a.len(), &a[..first], &a[first + 3..]), (b.len(), &b[..first], &b[first + 3..]));
         } else {
             assert_eq!(a, b);
         }
@@ -524,13 +527,13 @@ fn deform_and_check(file: &str) {
         assert!((number("target") / wanted - 1.0).abs() <= 1e-15, "{file} {way:?}");
         assert!((number("posed") / wanted - 1.0).abs() > 1e-4, "{file} {way:?}: nothing to correct");
         assert!(number("relative_error") <= 1e-13, "{file} {way:?}: {:e}", number("relative_error"));
-        let held = if format == Format::Obj { 1e-13 } else { 1e-6 };
+        let held = if matches!(format, Format::Obj | Format::Off) { 1e-13 } else { 1e-6 };
         assert!((number("written") / wanted - 1.0).abs() <= held, "{file} {way:?}: {}", number("written"));
 
         let after = std::fs::read(&output).unwrap();
         assert!(before != after);
         match format {
-            Format::Obj => assert_only_coordinates_differ(&before, &after),
+            Format::Obj | Format::Off => assert_only_coordinates_differ(format, &before, &after),
             _ => assert!(header_and_faces(&before) == header_and_faces(&after), "{file} {way:?}"),
         }
         let again = health(&Document::parse(after, format).unwrap()).volume.unwrap().total;
@@ -555,6 +558,7 @@ deformed! {
     the_horse_that_is_inside_out_keeps_its_volume: "closed/horse-48485v-inward.ply",
     spot_of_quads_keeps_its_volume: "closed/spot-2928quads.obj",
     the_porsche_with_edges_of_four_faces_keeps_its_volume: "derived/porsche-repaired-derived.ply",
+    the_dolphin_of_an_off_file_keeps_its_volume: "closed/dolphin.off",
     the_cow_with_two_fans_at_a_vertex_keeps_its_volume: "open/cow-2903v.obj",
 }
 

@@ -7,7 +7,7 @@ use isochor::{Mesh, Precision, Refinement};
 
 use crate::number::{Storage, rounded, stored_points};
 use crate::refined::Refined;
-use crate::{Format, NumberType, ReadError, WriteError, obj, ply, stl};
+use crate::{Format, NumberType, ReadError, WriteError, obj, off, ply, stl};
 
 /// A model file that keeps everything it holds but positions and normals.
 ///
@@ -25,6 +25,7 @@ enum Layout {
     Obj(obj::Layout),
     Ply(ply::Layout),
     Stl(stl::Layout),
+    Off(off::Layout),
 }
 
 /// What a parser found in a file.
@@ -106,6 +107,7 @@ impl Document {
             Format::Obj => split(obj::parse(&bytes)?, Layout::Obj),
             Format::Ply => split(ply::parse(&bytes)?, Layout::Ply),
             Format::Stl => split(stl::parse(&bytes)?, Layout::Stl),
+            Format::Off => split(off::parse(&bytes)?, Layout::Off),
         };
         let repeating = mesh.faces().iter().filter(|face| repeats(face)).count();
         if repeating > 0 {
@@ -114,7 +116,7 @@ impl Document {
         Ok(Self { bytes, mesh, warnings, layout })
     }
 
-    /// A new, plain file of `mesh`: OBJ text, little-endian PLY, or binary STL (polygons fanned from their first corner).
+    /// A new, plain file of `mesh`: OBJ or OFF text, little-endian PLY, or binary STL (polygons fanned from their first corner).
     ///
     /// The points are rounded to `number`. An STL document welds corners at one place, so its vertices are numbered
     /// anew and those that no face uses are gone.
@@ -140,6 +142,7 @@ impl Document {
             Format::Obj => obj::new_file(&points, mesh.faces(), number),
             Format::Ply => ply::new_file(&points, mesh.faces(), number),
             Format::Stl => stl::new_file(&points, mesh.faces())?,
+            Format::Off => off::new_file(&points, mesh.faces(), number),
         };
         Ok(Self::parse_any(bytes, format)?)
     }
@@ -160,6 +163,7 @@ impl Document {
             Layout::Obj(_) => Format::Obj,
             Layout::Ply(_) => Format::Ply,
             Layout::Stl(_) => Format::Stl,
+            Layout::Off(_) => Format::Off,
         }
     }
 
@@ -185,6 +189,7 @@ impl Document {
             Layout::Obj(layout) => layout.faces_in_file(),
             Layout::Ply(layout) => layout.faces_in_file(),
             Layout::Stl(layout) => layout.facets(),
+            Layout::Off(layout) => layout.faces_in_file(),
         }
     }
 
@@ -203,6 +208,7 @@ impl Document {
             Layout::Obj(layout) => layout.has_normals(),
             Layout::Ply(layout) => layout.has_normals(),
             Layout::Stl(_) => false,
+            Layout::Off(layout) => layout.has_normals(),
         }
     }
 
@@ -244,6 +250,8 @@ impl Document {
     ///   each corner. All else is that of the old face.
     /// - STL: facets have three corners, so larger faces are fanned. Attributes are those of the old facet, normals are computed (0 0 0 stays).
     ///   Reading the file numbers its vertices anew.
+    /// - OFF: colours that are whole numbers from 0 to 255 are rounded to the nearest; what stands behind the position without being announced is
+    ///   that of the old vertex of most weight. Faces have the colour of their old face. A number of edges becomes 0, which says nothing.
     ///
     /// Statements and elements that name vertices beside the faces (lines, edges, curves) stay as they are. `warnings` say what could not be
     /// carried on.
@@ -295,13 +303,15 @@ impl Document {
             (Layout::Ply(layout), Some(refined)) => layout.refined(&self.bytes, &change, refined)?,
             (Layout::Stl(layout), None) => layout.patched(&self.bytes, &change)?,
             (Layout::Stl(layout), Some(refined)) => layout.refined(&self.bytes, &change, refined)?,
+            (Layout::Off(layout), None) => layout.patched(&self.bytes, &change),
+            (Layout::Off(layout), Some(refined)) => layout.refined(&self.bytes, &change, refined)?,
         };
         Ok(Written { bytes, points: stored, warnings })
     }
 
     fn storage(&self, precision: Precision) -> Storage {
         match (&self.layout, precision) {
-            (Layout::Obj(_), _) => Storage { numbers: [NumberType::F64; 3], text: true },
+            (Layout::Obj(_) | Layout::Off(_), _) => Storage { numbers: [NumberType::F64; 3], text: true },
             (Layout::Ply(layout), Precision::File) => layout.storage(),
             (Layout::Ply(layout), Precision::F64) => Storage { numbers: [NumberType::F64; 3], ..layout.storage() },
             (Layout::Stl(layout), _) => Storage { numbers: [NumberType::F32; 3], text: layout.is_text() },

@@ -13,11 +13,13 @@ pub enum Format {
     Ply,
     /// Stereolithography facets, ascii or binary.
     Stl,
+    /// Geomview's object file format, text.
+    Off,
 }
 
 impl Format {
     /// All formats.
-    pub const ALL: [Self; 3] = [Self::Obj, Self::Ply, Self::Stl];
+    pub const ALL: [Self; 4] = [Self::Obj, Self::Ply, Self::Stl, Self::Off];
 
     /// The format that the file name extension of `path` stands for, upper or lower case.
     ///
@@ -31,17 +33,18 @@ impl Format {
                 "" => "the file name has no extension to tell the format".to_owned(),
                 other => format!("'.{other}' is not a format that can be read or written"),
             };
-            ReadError::new(what).with_hint("name the file .obj, .ply or .stl").in_file(path)
+            ReadError::new(what).with_hint("name the file .obj, .ply, .stl or .off").in_file(path)
         })
     }
 
-    /// Its usual file name extension: `"obj"`, `"ply"` or `"stl"`.
+    /// Its usual file name extension: `"obj"`, `"ply"`, `"stl"` or `"off"`.
     #[must_use]
     pub fn name(self) -> &'static str {
         match self {
             Self::Obj => "obj",
             Self::Ply => "ply",
             Self::Stl => "stl",
+            Self::Off => "off",
         }
     }
 
@@ -51,6 +54,8 @@ impl Format {
             Some(Self::Ply)
         } else if crate::stl::looks_like(bytes) {
             Some(Self::Stl)
+        } else if crate::off::looks_like(bytes) {
+            Some(Self::Off)
         } else {
             None
         }

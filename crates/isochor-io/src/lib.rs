@@ -17,6 +17,7 @@
 //! # Ok::<(), Box<dyn std::error::Error>>(())
 //! ```
 
+mod binding_file;
 mod document;
 mod format;
 mod lattice_file;
@@ -27,6 +28,9 @@ mod number;
 mod obj;
 mod obj_patches;
 mod obj_refined;
+mod off;
+mod off_refined;
+mod param_file;
 mod patch_file;
 mod patch_json;
 mod ply;
@@ -42,6 +46,7 @@ mod weld;
 mod words;
 mod write_error;
 
+pub use binding_file::{SavedBinding, hash_of_cage, hash_of_points};
 pub use document::{Document, WriteOptions, Written};
 pub use format::Format;
 pub use isochor::Precision;
@@ -49,6 +54,7 @@ pub use lattice_file::{LatticeFileError, lattice_from_json, lattice_to_json};
 pub use newell::patches_from_newell;
 pub use number::NumberType;
 pub use obj_patches::patches_from_obj;
+pub use param_file::{CageMoves, cage_moves_from_param};
 pub use patch_file::{patch_from_bytes, patches_from_bytes};
 pub use patch_json::{patch_from_json, patch_to_json};
 pub use read_error::{Place, ReadError};

@@ -14,8 +14,8 @@ use crate::number::{finite, integer, push_shortest, quoted};
 use crate::obj_refined::Additions;
 use crate::refined::Refined;
 use crate::splice::Splice;
-use crate::words::Words;
-use crate::{NumberType, Place, ReadError, WriteError};
+use crate::words::{Words, refuse_binary};
+use crate::{NumberType, ReadError, WriteError};
 
 /// Marks a corner without a normal.
 pub(crate) const NO_NORMAL: u32 = u32::MAX;
@@ -84,23 +84,12 @@ pub(crate) struct Layout {
 }
 
 pub(crate) fn parse(bytes: &[u8]) -> Result<Parsed<Layout>, ReadError> {
-    refuse_binary(bytes)?;
+    refuse_binary(bytes, "OBJ")?;
     let mut reader = Reader::new(bytes);
     while !reader.words.is_done() {
         reader.read_line()?;
     }
     reader.finish()
-}
-
-/// Refuses bytes that no text has.
-fn refuse_binary(bytes: &[u8]) -> Result<(), ReadError> {
-    if !bytes.contains(&0) {
-        return Ok(());
-    }
-    let offset = bytes.iter().position(|&b| b == 0).unwrap_or_default();
-    let error = ReadError::new("a NUL byte: the file is binary data, not OBJ text").at(Place::Byte(offset));
-    let utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
-    Err(error.with_hint(if utf16 { "it looks like UTF-16 text: save it as UTF-8" } else { "export the model again" }))
 }
 
 /// The words of `bytes`, without a UTF-8 byte order mark.
@@ -135,7 +124,7 @@ struct Reader<'a> {
 }
 
 /// Counts one more and keeps the line of the first.
-fn count(tally: &mut (usize, usize), line: usize) {
+pub(crate) fn count(tally: &mut (usize, usize), line: usize) {
     if tally.0 == 0 {
         tally.1 = line;
     }
@@ -411,7 +400,7 @@ impl Layout {
 }
 
 /// Replaces the numbers at `spans` that differ.
-fn replace_changed(splice: &mut Splice, spans: [Option<Range<usize>>; 3], old: DVec3, new: DVec3) {
+pub(crate) fn replace_changed(splice: &mut Splice, spans: [Option<Range<usize>>; 3], old: DVec3, new: DVec3) {
     let mut digits = Vec::with_capacity(32);
     for (axis, span) in spans.into_iter().enumerate() {
         if let Some(span) = span.filter(|_| old[axis] != new[axis]) {

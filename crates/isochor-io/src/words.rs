@@ -5,6 +5,8 @@
 
 use std::ops::Range;
 
+use crate::{Place, ReadError};
+
 /// What a byte is for the division into words.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Kind {
@@ -17,7 +19,7 @@ enum Kind {
     Join,
 }
 
-const fn kinds(obj: bool) -> [Kind; 256] {
+const fn kinds(comments: bool, joins: bool) -> [Kind; 256] {
     let mut kinds = [Kind::Word; 256];
     kinds[b' ' as usize] = Kind::Blank;
     kinds[b'\t' as usize] = Kind::Blank;
@@ -25,15 +27,27 @@ const fn kinds(obj: bool) -> [Kind; 256] {
     kinds[0x0c] = Kind::Blank;
     kinds[b'\n' as usize] = Kind::Break;
     kinds[b'\r' as usize] = Kind::Break;
-    if obj {
+    if comments {
         kinds[b'#' as usize] = Kind::Comment;
+    }
+    if joins {
         kinds[b'\\' as usize] = Kind::Join;
     }
     kinds
 }
 
-static PLAIN: [Kind; 256] = kinds(false);
-static OBJ: [Kind; 256] = kinds(true);
+static PLAIN: [Kind; 256] = kinds(false, false);
+static COMMENTED: [Kind; 256] = kinds(true, false);
+static OBJ: [Kind; 256] = kinds(true, true);
+
+/// Refuses bytes that no text has; `format` is the name of what it should be.
+pub(crate) fn refuse_binary(bytes: &[u8], format: &str) -> Result<(), ReadError> {
+    let Some(offset) = bytes.iter().position(|&b| b == 0) else { return Ok(()) };
+    let error = ReadError::new(format!("a NUL byte: the file is binary data, not {format} text"));
+    let utf16 = bytes.starts_with(&[0xff, 0xfe]) || bytes.starts_with(&[0xfe, 0xff]);
+    let hint = if utf16 { "it looks like UTF-16 text: save it as UTF-8" } else { "export the model again" };
+    Err(error.with_hint(hint).at(Place::Byte(offset)))
+}
 
 /// Number of the line, counted from 1, that offset `at` stands in.
 pub(crate) fn line_of(bytes: &[u8], at: usize) -> usize {
@@ -67,6 +81,11 @@ impl<'a> Words<'a> {
     /// The words of `bytes` from offset `at`, which stands in line `line`.
     pub(crate) fn plain(bytes: &'a [u8], at: usize, line: usize) -> Self {
         Self { bytes, kinds: &PLAIN, at, line }
+    }
+
+    /// As [`Words::plain`], with `#` comments.
+    pub(crate) fn commented(bytes: &'a [u8], at: usize, line: usize) -> Self {
+        Self { bytes, kinds: &COMMENTED, at, line }
     }
 
     /// As [`Words::plain`] from the start of `bytes`, with `#` comments and lines joined by `\`.
@@ -144,11 +163,15 @@ impl<'a> Words<'a> {
     /// Steps to the line break of this line, or the end of the text, and says where that is.
     pub(crate) fn line_end(&mut self) -> usize {
         while self.next_in_line().is_some() {}
-        // A comment is not joined with the next line: it is more often a path that ends with a backslash.
+        self.step_over_comment();
+        self.at
+    }
+
+    /// Steps to the line break behind a comment. It is not joined with the next line: it is more often a path that ends with a backslash.
+    fn step_over_comment(&mut self) {
         while self.kind().is_some_and(|k| k != Kind::Break) {
             self.at += 1;
         }
-        self.at
     }
 
     /// Steps to the start of the next line.
@@ -159,14 +182,15 @@ impl<'a> Words<'a> {
         }
     }
 
-    /// Steps over blank lines and blanks. Whether a word follows.
+    /// Steps over blank lines, comments and blanks. Whether a word follows.
     pub(crate) fn skip_blank_lines(&mut self) -> bool {
         loop {
             match self.kind() {
                 None => return false,
                 Some(Kind::Blank) => self.at += 1,
                 Some(Kind::Break) => self.step_over_break(),
-                Some(_) => return true,
+                Some(Kind::Comment) => self.step_over_comment(),
+                Some(Kind::Word | Kind::Join) => return true,
             }
         }
     }
@@ -239,5 +263,16 @@ mod tests {
             seen.push((text[span][0], words.line()));
         }
         assert_eq!(seen, [(b'a', 1), (b'b', 3), (b'c', 4)]);
+    }
+
+    #[test]
+    fn words_across_comments() {
+        let text = b"# x\n a#y\r\n#\n\n b\\\nc # z";
+        let mut words = Words::commented(text, 0, 1);
+        let mut seen = Vec::new();
+        while let Some(span) = words.next() {
+            seen.push((&text[span], words.line()));
+        }
+        assert_eq!(seen, [(&b"a"[..], 2), (b"b\\", 5), (b"c", 6)]);
     }
 }

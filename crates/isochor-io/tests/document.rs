@@ -139,6 +139,31 @@ fn obj_file(rows: &[Row]) -> File {
     file
 }
 
+fn off_file(rows: &[Row], keyword: u8) -> File {
+    let mut file = File::new(Format::Off, Spelling::Text { wide: true });
+    let (keyword, more) = [
+        ("OFF\n", ""),
+        ("# 1 2 3\nCOFF ", " 255 0 00"),
+        ("\tNOFF\r\n", " 0 .5 1"),
+        ("STCN4OFF", " 1 0 0 1 9 9 9 9 1 0 # x"),
+        ("nOFF 3\r", "\t#"),
+    ][usize::from(keyword) % 5];
+    file.fix(format!("{keyword}{} 2 0 # counts\n", rows.len()));
+    for (vertex, row) in rows.iter().enumerate() {
+        file.fix(["", "# 1 2 3\r\n", "\n \t", "  "][usize::from(row.odd) % 4]);
+        for axis in 0..3 {
+            file.coordinate(vertex, axis, row.point[axis], row.styles[axis]);
+            if axis < 2 {
+                file.fix([" ", "\t ", "  "][usize::from(row.styles[axis]) / 6 % 3]);
+            }
+        }
+        file.fix(more);
+        file.fix(line_end(row.end));
+    }
+    file.fix("3 0\n0 # half\n 0 255 0.5 # colour\n\n4 0 0 0 0");
+    file
+}
+
 fn ply_file(rows: &[Row], spelling: Spelling, order: u8) -> File {
     let mut file = File::new(Format::Ply, spelling);
     let (text, big) = match spelling {
@@ -257,6 +282,11 @@ proptest! {
     }
 
     #[test]
+    fn random_off_files(rows in rows(), choice in choice(), keyword: u8) {
+        check(&off_file(&rows, keyword), &choice)?;
+    }
+
+    #[test]
     fn random_ply_files(rows in rows(), choice in choice(), order: u8, text: bool, wide: bool, big: bool) {
         let spelling = if text { Spelling::Text { wide } } else { Spelling::Binary { wide, big } };
         check(&ply_file(&rows, spelling, order), &choice)?;
@@ -264,12 +294,13 @@ proptest! {
 
     /// No bytes may bring a panic, and what is read must come back.
     #[test]
-    fn damaged_files_never_panic(rows in rows(), order: u8, which in 0..5, at: prop::sample::Index, byte: u8, cut: bool) {
+    fn damaged_files_never_panic(rows in rows(), order: u8, which in 0..6, at: prop::sample::Index, byte: u8, cut: bool) {
         let mut bytes = match which {
             0 => obj_file(&rows).bytes(),
             1 => ply_file(&rows, Spelling::Text { wide: false }, order).bytes(),
             2 => ply_file(&rows, Spelling::Binary { wide: true, big: false }, order).bytes(),
-            3 => Document::from_mesh(&tetrahedron(), Format::Stl, NumberType::F32).unwrap().bytes().to_vec(),
+            3 => off_file(&rows, order).bytes(),
+            4 => Document::from_mesh(&tetrahedron(), Format::Stl, NumberType::F32).unwrap().bytes().to_vec(),
             _ => b"solid a\nfacet normal 0 0 1\nouter loop\nvertex 0 0 0\nvertex 1 0 0\nvertex 0 1 0\nendloop\nendfacet\n".to_vec(),
         };
         let at = at.index(bytes.len());
@@ -330,6 +361,8 @@ fn new_files_hold_the_mesh() {
         (Format::Ply, NumberType::F64, 0.1),
         (Format::Ply, NumberType::F32, f64::from(0.1_f32)),
         (Format::Stl, NumberType::F32, f64::from(0.1_f32)),
+        (Format::Off, NumberType::F64, 0.1),
+        (Format::Off, NumberType::F32, 0.1),
     ] {
         let document = Document::from_mesh(&mesh, format, number).unwrap();
         assert_eq!(document.mesh().points()[0].x, x, "{format:?} {number:?}");
@@ -342,6 +375,8 @@ fn new_files_hold_the_mesh() {
     }
     let obj = Document::from_mesh(&mesh, Format::Obj, NumberType::F64).unwrap();
     assert!(obj.bytes().starts_with(b"v 0.1 0 0\nv 1 0 0\n") && obj.bytes().ends_with(b"f 2 3 4\n"));
+    let off = Document::from_mesh(&mesh, Format::Off, NumberType::F64).unwrap();
+    assert!(off.bytes().starts_with(b"OFF\n4 4 0\n0.1 0 0\n1 0 0\n") && off.bytes().ends_with(b"3 1 2 3\n"));
     let ply = Document::from_mesh(&mesh, Format::Ply, NumberType::F64).unwrap();
     assert_eq!((ply.number_type(), obj.number_type()), (NumberType::F64, NumberType::F64));
 }
@@ -404,10 +439,12 @@ fn errors_name_the_file_the_place_and_what_to_do() {
 
 #[test]
 fn formats_by_extension() {
-    for (path, format) in [("a.obj", Format::Obj), ("b/c.PLY", Format::Ply), ("x.y.Stl", Format::Stl)] {
+    for (path, format) in
+        [("a.obj", Format::Obj), ("b/c.PLY", Format::Ply), ("x.y.Stl", Format::Stl), ("d.OFF", Format::Off)]
+    {
         assert_eq!(Format::from_path(path.as_ref()).unwrap(), format);
     }
-    assert_eq!(Format::ALL.map(Format::name), ["obj", "ply", "stl"]);
+    assert_eq!(Format::ALL.map(Format::name), ["obj", "ply", "stl", "off"]);
     for path in ["obj", "a.", "a.glb", ""] {
         assert!(Format::from_path(path.as_ref()).unwrap_err().hint().is_some());
     }

@@ -412,6 +412,68 @@ fn wider_coordinates_and_carried_normals_of_ply() {
     assert!((normal - turn * DVec3::new(0.25, 0.5, 0.25).normalize()).length() < 1e-7);
 }
 
+fn off(text: &str) -> Document {
+    Document::parse(text.into(), Format::Off).unwrap()
+}
+
+#[test]
+fn off_faces_are_split_in_their_place_and_keep_their_colour() {
+    let lines = "OFF # a\n4 3 5\n0 0 0\n4 0 0 # c\n4.00 4 0\n0 4 0 # last\n\n 3 0 1 # half\n2  255 0.5 # red\n2 0 1\n3 0 2  3 # kept\n";
+    let written = split(&off(lines), &[(0, QUARTERS)]);
+    assert!(written.warnings.is_empty(), "{:?}", written.warnings);
+    let want = lines
+        .replace("4 3 5", "5 5 0")
+        .replace("# last\n", "# last\n3 2 0\n")
+        .replace("3 0 1 # half\n2  255 0.5 # red", "3 0 1 4  255 0.5\n3 1 2 4  255 0.5\n3 2 0 4  255 0.5 # red");
+    assert_eq!(text(written), want);
+}
+
+#[test]
+fn what_off_vertices_carry_is_mixed() {
+    let body = |rows: [&str; 3]| {
+        let [a, b, c] = rows;
+        format!("3 1 0\n0 0 0 {a}\n4 0 0 {b}\n0 4 0 {c}\n3 0 1 2")
+    };
+    let added = |keyword: &str, rows: [&str; 3]| {
+        let written = split(&off(&format!("{keyword}\n{}", body(rows))), &[(0, QUARTERS)]);
+        let warnings = written.warnings.clone();
+        let line = text(written).lines().nth(5).unwrap().to_owned();
+        (line.strip_prefix("1 2 0 ").map(str::to_owned).unwrap_or(line), warnings)
+    };
+    // 255/4 + 100/2 = 113.75: whole, as all others are; between 0 and 1 they are parts.
+    assert_eq!(added("COFF", ["0 0 1 255", "255 0 1 255", "100 0 0 255"]), ("114 0 1 255".into(), Vec::new()));
+    assert_eq!(added("COFF", ["0 0 1", "1 0 1", "1 0 0"]).0, "0.75 0 0.5");
+    assert_eq!(added("COFF", ["0 0 1.", "255 0 1", "100 0 0"]).0, "113.75 0 0.5");
+    assert_eq!(added("STOFF", ["0 0.25", "1 0.25", "0 0.25"]).0, "0.25 0.25");
+    assert_eq!(added("4OFF", ["1", "1.0", "1"]).0, "1");
+    let (normal, _) = added("STNOFF", ["0 0 2 0 0", "0 0 1 4 0", "0 0 3 0 1"]);
+    assert_eq!(normal, "0 0 1 1 0.5", "directions count, not lengths");
+    let unmixed = |keyword, rows, want: &str| {
+        let (line, warnings) = added(keyword, rows);
+        assert!(warnings[0].ends_with("because they cannot be mixed: 1."), "{warnings:?}");
+        assert_eq!(line, want);
+    };
+    unmixed("COFF", ["1 1 1 1", "0 0 0", "9 9 9.0"], "9 9 9.0");
+    unmixed("OFF", ["1 1 1", "0 0 0", "9 9 9"], "9 9 9");
+    unmixed("OFF", ["1 1 1", "0 0 0", ""], "1 2 0");
+    unmixed("COFF", ["1 1 nan", "0 0 0", "9 9 9"], "4.75 4.75 9");
+    unmixed("NOFF", ["0 0 1", "0 0 1", "0 0 -1.0"], "0 0 -1.0");
+    unmixed("NCOFF", ["1 1 1 0 0 1", "2 1 1 0 0 1", "9 1 1 0 0 1"], "9 1 1 0 0 1");
+}
+
+/// The Jacobian of the added vertex carries its normal, as a turn about x by 90 degrees does z to −y.
+#[test]
+fn added_normals_of_off_are_carried() {
+    let document = off("NOFF\n3 1 0\n0 0 0 0 0 1\n4 0 0 0 0 1\n0 4 0 0 0 1\n3 0 1 2");
+    let refinement = starred(document.mesh(), &[(0, QUARTERS)]);
+    let (still, turn) = (DMat3::IDENTITY, DMat3::from_rotation_x(std::f64::consts::FRAC_PI_2));
+    let options = WriteOptions { jacobians: Some(&[still, still, still, turn]), ..DEFAULTS };
+    let written = text(document.refined(&mixed_points(document.mesh(), &refinement), &refinement, &options).unwrap());
+    let line: Vec<f64> = written.lines().nth(5).unwrap().split(' ').map(|word| word.parse().unwrap()).collect();
+    assert!((DVec3::from_slice(&line[3..]) - DVec3::NEG_Y).length() < 1e-15, "{written}");
+    assert!(written.ends_with("3 0 1 3\n3 1 2 3\n3 2 0 3"), "{written}");
+}
+
 #[test]
 fn points_without_faces_are_added() {
     let document =
@@ -859,6 +921,37 @@ proptest! {
             close(&row[0], &want, 2e-7)?;
             prop_assert_eq!(&row[1], &[f64::from(refinement.origins[f])]);
         }
+    }
+
+    #[test]
+    fn random_splits_of_off(wide in 1..5_usize, cut in prop::collection::vec(any::<bool>(), 1..5), stars in stars(), crlf: bool) {
+        let mesh = sheet(wide, &cut);
+        let mut lines = format!("STCOFF\n{} {} 0\n", mesh.points().len(), mesh.faces().len());
+        for p in mesh.points() {
+            let [u, v] = uv(*p);
+            lines += &format!("{} {} {} {} 0.5 1 {u} {v}\n", p.x, p.y, p.z, red(*p));
+        }
+        for (f, face) in mesh.faces().iter().enumerate() {
+            let corners: String = face.iter().map(|v| format!(" {v}")).collect();
+            lines += &format!("{}{corners} {f}\n", face.len());
+        }
+        let document = off(&if crlf { lines.replace('\n', "\r\n") } else { lines });
+        prop_assert_eq!(document.mesh(), &mesh);
+        let refinement = starred(&mesh, &in_mesh(&stars, &mesh));
+        let points = mixed_points(&mesh, &refinement);
+        let written = document.refined(&points, &refinement, &DEFAULTS).unwrap();
+        prop_assert!(written.warnings.is_empty(), "{:?}", written.warnings);
+        let again = Document::parse(written.bytes.clone(), Format::Off).unwrap();
+        prop_assert_eq!(again.mesh().points(), &points[..]);
+        prop_assert_eq!(again.mesh().faces(), &refinement.faces);
+        let text = text(written);
+        let rows: Vec<Vec<f64>> = text.lines().skip(2).map(|l| l.split_whitespace().map(|w| w.parse().unwrap()).collect()).collect();
+        for (p, row) in points.iter().zip(&rows) {
+            let [u, v] = uv(*p);
+            close(&row[3..], &[red(*p), 0.5, 1.0, u, v], 1e-12)?;
+        }
+        let colours: Vec<u32> = rows[points.len()..].iter().map(|row| row[row.len() - 1] as u32).collect();
+        prop_assert_eq!(colours, refinement.origins);
     }
 
     /// Areas and places: a facet for each triangle, corner for corner.
