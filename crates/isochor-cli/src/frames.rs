@@ -61,7 +61,7 @@ pub fn each(
     let first = requests.frame(0)?;
     progress.begin("read");
     let document = first.model.document(first.output_format)?;
-    let (source, inputs) = (first.model.source(&document), Inputs::read(&first)?);
+    let (source, inputs) = (first.model.source(&document), Inputs::read(&first, document.mesh())?);
     let input = inputs.with(&document, &source);
     let examination = Examination::of(input.mesh, &source);
     for number in 0..requests.frames() {

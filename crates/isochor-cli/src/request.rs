@@ -92,6 +92,9 @@ impl<'a> Requests<'a> {
             }
             let name = |path: &mut PathBuf| *path = numbered(path, frame + 1, self.frames());
             let of_surface = job.surface.iter_mut().flat_map(|surface| [&mut surface.save, &mut surface.sheet]);
+            if let Some(cage) = job.cage.as_mut().filter(|_| frame > 0) {
+                cage.save_weights = None; // all frames have the same
+            }
             [&mut job.output, &mut job.save_controls].into_iter().chain(of_surface).flatten().for_each(name);
         }
         Request::from_job(job, self.args.job.as_deref(), self.args.in_place)
@@ -244,6 +247,7 @@ impl Request {
         let written = [("the output", Some(self.output.as_path()).filter(|_| !in_place))]
             .into_iter()
             .chain([("the surface", self.save_surface.as_ref().map(|(path, _)| path.as_path()))])
+            .chain([("the saved coordinates", self.job.cage.as_ref().and_then(|cage| cage.save_weights.as_deref()))])
             .chain(outputs.map(|(what, path, _)| (what, path.as_deref())));
         for (what, path) in written {
             let Some(path) = path else { continue };

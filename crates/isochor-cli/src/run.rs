@@ -4,7 +4,9 @@ use std::path::Path;
 use std::process::ExitCode;
 
 use isochor::{Outcome, PosedCage, Precision, Report, Stage, Stopwatch};
-use isochor_io::{Document, Format, NumberType, WriteOptions, Written, lattice_to_json};
+use isochor_io::{
+    Document, Format, NumberType, SavedBinding, WriteOptions, Written, hash_of_cage, hash_of_points, lattice_to_json,
+};
 use isochor_view::{Figure, Page, Show};
 
 use crate::args::{Cli, Command};
@@ -55,7 +57,7 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     progress.begin("read");
     let document = request.model.document(request.output_format)?;
     let source = request.model.source(&document);
-    let inputs = Inputs::read(request)?;
+    let inputs = Inputs::read(request, document.mesh())?;
     watch.lap("read");
 
     let mut outcome = request.job.run(&inputs.with(&document, &source), &mut |stage| progress.begin(stage.name()))?;
@@ -124,6 +126,20 @@ pub fn write(
                 return Err(Failure::file(path, what, "leave save-controls out, or name a lattice"));
             }
         }
+    }
+    if let (Some(cage), Some(bound)) = (&request.job.cage, outcome.cage_binding())
+        && let (Some(path), Some(posed)) = (&cage.save_weights, &outcome.cage)
+    {
+        let binding = SavedBinding {
+            coordinates: cage.coordinates.name().into(),
+            settings: inputs::settings(cage),
+            model: hash_of_points(document.mesh().points()),
+            cage: hash_of_cage(&posed.mesh),
+            points: bound.binding().vertex_count(),
+            columns: bound.binding().control_count(),
+            weights: bound.weights(),
+        };
+        pending.add(path, &binding.to_bytes())?;
     }
     let Some(drawing) = outcome.sheet() else { return Ok(()) };
     if let Some((path, format)) = &request.save_surface {

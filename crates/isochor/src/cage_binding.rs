@@ -68,13 +68,13 @@ pub struct CageOptions {
     pub coordinates: Coordinates,
     /// What happens to vertices outside the cage.
     pub outside: Outside,
-    /// The grid of harmonic coordinates.
-    pub harmonic: HarmonicOptions,
+    /// The grid of harmonic coordinates; `None`: one that suits the cage ([`HarmonicOptions::fitted`]).
+    pub harmonic: Option<HarmonicOptions>,
 }
 
 impl Default for CageOptions {
     fn default() -> Self {
-        Self { coordinates: Coordinates::default(), outside: Outside::Extend, harmonic: HarmonicOptions::default() }
+        Self { coordinates: Coordinates::default(), outside: Outside::Extend, harmonic: None }
     }
 }
 
@@ -186,7 +186,7 @@ impl CageBinding {
     fn new(cage: &Cage, points: &[DVec3], options: &CageOptions) -> Result<Self, CageBindingError> {
         let outside = checked_outside(cage, points, options)?;
         let harmonic = match options.coordinates {
-            Coordinates::Harmonic => Some(Arc::new(Harmonic::new(cage, &options.harmonic)?)),
+            Coordinates::Harmonic => Some(Arc::new(harmonic_of(cage, options)?)),
             _ => None,
         };
         let mut is_kept = vec![false; points.len()];
@@ -358,7 +358,11 @@ impl CageBinding {
     /// Panics where an array does not have one entry per point, or vertex of the cage.
     #[must_use]
     pub fn gradient(&self, posed: &[DVec3], by_point: &[DVec3]) -> Vec<DVec3> {
-        let mut by_control = self.binding.adjoint(by_point);
+        self.pulled(posed, self.binding.adjoint(by_point))
+    }
+
+    /// The same from ∂f/∂E (#controls × 3).
+    pub(crate) fn pulled(&self, posed: &[DVec3], mut by_control: Vec<DVec3>) -> Vec<DVec3> {
         let by_normal = by_control.split_off(self.cage.vertices().len());
         if !by_normal.is_empty() {
             let of_normals = pulled_back(&self.cage, posed, &by_normal);
@@ -391,7 +395,7 @@ impl CageBinding {
 
     fn harmonic_jacobians(&self, points: &[DVec3], posed: &[DVec3]) -> Result<Vec<DMat3>, CageBindingError> {
         if self.harmonic.get().is_none() {
-            let harmonic = Harmonic::new(&self.cage, &self.options.harmonic)?;
+            let harmonic = harmonic_of(&self.cage, &self.options)?;
             let _ = self.harmonic.set(Some(Arc::new(harmonic))); // another thread may have been first: with the same
         }
         let harmonic = self.harmonic.get().and_then(Option::as_ref);
@@ -410,6 +414,11 @@ impl CageBinding {
         });
         Ok(parts.concat())
     }
+}
+
+/// The grid of harmonic coordinates.
+fn harmonic_of(cage: &Cage, options: &CageOptions) -> Result<Harmonic, HarmonicError> {
+    Harmonic::new(cage, &options.harmonic.clone().unwrap_or_else(|| HarmonicOptions::fitted(cage)))
 }
 
 /// Controls of a cage with these coordinates.

@@ -22,7 +22,7 @@ pub struct CageRequest {
     pub coordinates: Coordinates,
     /// What happens to vertices outside; by default they follow the cage, too ("extend").
     pub outside: Option<Outside>,
-    /// Cells of the grid of harmonic coordinates, along the longest side of the cage.
+    /// Cells of the grid of harmonic coordinates, along the longest side of the cage; by default a number that suits it.
     pub resolution: Option<usize>,
     /// Saved coordinates of this model in this cage, instead of computing them.
     pub weights: Option<PathBuf>,
@@ -38,11 +38,10 @@ impl CageRequest {
     /// How the model is bound.
     #[must_use]
     pub fn options(&self) -> CageOptions {
-        let default = HarmonicOptions::default();
         CageOptions {
             coordinates: self.coordinates,
             outside: self.outside.unwrap_or(Outside::Extend),
-            harmonic: HarmonicOptions { resolution: self.resolution.unwrap_or(default.resolution) },
+            harmonic: self.resolution.map(|resolution| HarmonicOptions { resolution }),
         }
     }
 }

@@ -591,20 +591,8 @@ fn stretched(cage: &Cage, posed: &[DVec3]) -> impl Iterator<Item = Option<Stretc
     })
 }
 
-/// The change of each m (#triangles × 3) for a `change` of the vertices (#vertices × 3), at the pose `posed`; 0 for triangles without area.
-pub(crate) fn pushed_forward(cage: &Cage, posed: &[DVec3], change: &[DVec3]) -> Vec<DVec3> {
-    let of = |of: Stretched| {
-        let [a, b, c] = of.corners.map(|v| change[v]);
-        let (du, dw) = (b - a, c - a);
-        let area = du.cross(of.edges[1]) + of.edges[0].cross(dw);
-        let turn = area.reject_from_normalized(of.normal) / of.doubled_area;
-        (of.slopes[0].dot(du) + of.slopes[1].dot(dw)) * of.normal + of.stretch * turn
-    };
-    stretched(cage, posed).map(|stretched| stretched.map_or(DVec3::ZERO, of)).collect()
-}
-
 /// From the derivative of something with respect to each m (#triangles × 3), what it adds to that with respect to each vertex (#vertices
-/// × 3), at the pose `posed`: the transposed of [`pushed_forward`].
+/// × 3), at the pose `posed`.
 pub(crate) fn pulled_back(cage: &Cage, posed: &[DVec3], by_normal: &[DVec3]) -> Vec<DVec3> {
     let mut by_vertex = vec![DVec3::ZERO; posed.len()];
     for (of, by) in stretched(cage, posed).zip(by_normal) {
@@ -628,6 +616,18 @@ mod tests {
     use super::*;
     use crate::gauss::gauss_legendre;
     use crate::{Faces, Mesh, shapes};
+
+    /// The change of each m (#triangles × 3) for a `change` of the vertices (#vertices × 3), at the pose `posed`; 0 for triangles without area.
+    fn pushed_forward(cage: &Cage, posed: &[DVec3], change: &[DVec3]) -> Vec<DVec3> {
+        let of = |of: Stretched| {
+            let [a, b, c] = of.corners.map(|v| change[v]);
+            let (du, dw) = (b - a, c - a);
+            let area = du.cross(of.edges[1]) + of.edges[0].cross(dw);
+            let turn = area.reject_from_normalized(of.normal) / of.doubled_area;
+            (of.slopes[0].dot(du) + of.slopes[1].dot(dw)) * of.normal + of.stretch * turn
+        };
+        stretched(cage, posed).map(|stretched| stretched.map_or(DVec3::ZERO, of)).collect()
+    }
 
     /// A cage that is not convex: an L of three cubes.
     fn bracket() -> Cage {

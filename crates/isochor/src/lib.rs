@@ -114,6 +114,7 @@ mod geodesic;
 mod goals;
 mod gradient;
 mod green;
+mod green_correction;
 mod harmonic;
 mod harmonic_grid;
 mod health;

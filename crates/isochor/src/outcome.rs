@@ -21,6 +21,7 @@ use crate::elastic::{ElasticError, ElasticWanted};
 use crate::elastic_job::ElasticTask;
 use crate::energy::Energy;
 use crate::goals::{Components, VolumeGoal};
+use crate::green_correction::{GreenPose, corrected};
 use crate::health::{Health, Source};
 use crate::height_scale::{HeightScaleError, scaled_heights};
 use crate::job::{
@@ -785,6 +786,11 @@ impl Job {
             };
             let options = CorrectOptions { method, mobility: Some(mobility), energy };
             let corrected = match self.preserve.preview {
+                _ if !deformer.is_linear() => self.by_normals(&options, |mobility, is_nearest| {
+                    let cage = deformer.cage().expect("Green coordinates are a cage's");
+                    let (solid, rest) = (&body.solid, &rest_points[..]);
+                    corrected(&GreenPose { cage, solid, rest, posed: &posed, mobility, extent }, &wanted, is_nearest)
+                })?,
                 None => correct_last(&body.solid, binding, &points, &wanted, &options),
                 Some(0) => {
                     let problem = "is 0: it is a number of triangles, such as 20000".into();
@@ -848,6 +854,33 @@ impl Job {
             along: None,
             net,
         })
+    }
+
+    /// A correction of a cage whose normals turn with its vertices: of its mobilities, to the nearest pose or along the gradient.
+    fn by_normals(
+        &self,
+        options: &CorrectOptions,
+        correct: impl Fn(&[DVec3], bool) -> Result<Correction, CorrectError>,
+    ) -> Result<Result<Correction, CorrectError>, JobError> {
+        let refused = |key, problem: &str| Err(JobError::Value { key, problem: problem.into() });
+        if self.preserve.objective != Objective::Controls {
+            return refused("preserve.objective", "must be \"controls\" with Green coordinates");
+        }
+        if self.preserve.preview.is_some() {
+            return refused(
+                "preserve.preview",
+                "cannot be with Green coordinates, where the model itself is corrected",
+            );
+        }
+        let mobility = options.mobility.as_deref().unwrap_or_default();
+        match &options.method {
+            Method::Nearest => Ok(correct(mobility, true)),
+            Method::Gradient => Ok(correct(mobility, false)),
+            Method::Axes { .. } => refused(
+                "preserve.axes",
+                "go with coordinates of which vertices are an affine function; with Green coordinates choose the method \"nearest\" or \"gradient\"",
+            ),
+        }
     }
 
     /// What is reported of a cage, with its vertices at `posed` in the end: the drag planes of those with weights, too.
@@ -1204,6 +1237,12 @@ impl Outcome {
             (Some(lattice), Some(along)) => Some(lattice.iter().zip(&along).map(|(l, a)| *l * *a).collect()),
             (one, other) => one.or(other),
         }
+    }
+
+    /// How the model is bound to its cage, in a job with one: relative to [`Bounds::lossless_origin`] of the model.
+    #[must_use]
+    pub fn cage_binding(&self) -> Option<&CageBinding> {
+        self.deformation.as_ref().and_then(|d| d.deformer.cage())
     }
 
     /// The model between rest and result. `None` where the job deformed nothing.

@@ -157,6 +157,9 @@ pub struct FrameReport {
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub elastic: Option<ElasticReport>,
     /// As in [`Report`].
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub cage: Option<CageJobReport>,
+    /// As in [`Report`].
     pub timings_ms: Timings,
     /// As in [`Report`].
     pub warnings: Vec<String>,
@@ -166,8 +169,8 @@ impl FrameReport {
     /// The report of the job at `time`.
     #[must_use]
     pub fn of(time: f64, report: Report) -> Self {
-        let Report { volume, correction, surface, elastic, timings_ms, warnings, .. } = report;
-        Self { time, volume, correction, surface, elastic, timings_ms, warnings }
+        let Report { volume, correction, surface, elastic, cage, timings_ms, warnings, .. } = report;
+        Self { time, volume, correction, surface, elastic, cage, timings_ms, warnings }
     }
 }
 

@@ -22,6 +22,10 @@ pub const WEAK_AXIS: f64 = 1e-6;
 /// would not mean exact; smaller: thin models are refused whose coordinates cannot do better.
 pub const VOLUME: f64 = 1e-13;
 
+/// Below this relative volume error a search may let it grow again, up to this. Larger: steps that lead away; smaller: rounding stops a search
+/// that has not come to the smallest displacement.
+pub const NEAR_VOLUME: f64 = 1e-6;
+
 /// Below this relative volume error no further correction step is tried: a few roundings of the volume itself.
 pub const VOLUME_ROUNDING: f64 = 4.0 * f64::EPSILON;
 
