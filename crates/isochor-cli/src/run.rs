@@ -14,7 +14,7 @@ use crate::files::{self, Pending};
 use crate::model::Model;
 use crate::request::{Request, Requests, has_extension};
 use crate::terminal::Terminal;
-use crate::{bench, demo, frames, info, memory, pages, pictures, sheet_picture};
+use crate::{bench, cage, demo, frames, info, memory, pages, pictures, sheet_picture};
 
 /// Runs what was asked and says with which code to end.
 pub fn command(cli: Cli) -> ExitCode {
@@ -38,6 +38,7 @@ pub fn command(cli: Cli) -> ExitCode {
             terminal.report(&report, &request);
             Ok(())
         }),
+        Command::Cage(args) => cage::run(args, &terminal),
         Command::Bench { bench } => bench::run(bench, cli.output.threads, &terminal),
         Command::Completions { shell } => pages::completions(*shell),
         Command::Man { folder } => pages::man(folder.as_deref()),

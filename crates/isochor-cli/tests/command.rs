@@ -252,7 +252,7 @@ fn example_jobs_run_on_the_models_of_the_demo() {
 fn help_has_examples_for_every_command() {
     let folder = Folder::new();
     let help = folder.isochor("--help").succeeded().stdout;
-    for command in ["demo", "info", "deform", "bench", "completions", "man"] {
+    for command in ["demo", "info", "deform", "cage", "bench", "completions", "man"] {
         assert!(help.contains(&format!("\n  {command} ")), "{help}");
         for line in [format!("help {command}"), format!("{command} --help")] {
             let help = folder.isochor(&line).succeeded().stdout;
@@ -282,7 +282,7 @@ fn completions_name_the_commands() {
     let folder = Folder::new();
     for shell in ["bash", "zsh", "fish"] {
         let text = folder.isochor(&format!("completions {shell}")).succeeded().stdout;
-        for command in ["demo", "info", "deform", "bench", "completions", "man"] {
+        for command in ["demo", "info", "deform", "cage", "bench", "completions", "man"] {
             assert!(text.contains(command), "{shell}: no {command}");
         }
         assert!(text.contains("lattice-file") && text.contains("save-controls"), "{shell}");
@@ -296,7 +296,7 @@ fn manual_pages_name_the_commands() {
     let page = folder.isochor("man").succeeded().stdout;
     assert!(page.contains(".TH isochor 1"), "{page}");
     folder.isochor("man pages").succeeded();
-    for command in ["demo", "info", "deform", "bench", "completions", "man"] {
+    for command in ["demo", "info", "deform", "cage", "bench", "completions", "man"] {
         assert!(page.contains(command), "no {command} in {page}");
         let page = String::from_utf8(folder.bytes(&format!("pages/isochor-{command}.1"))).unwrap();
         assert!(page.contains(".TH isochor\\-") || page.contains(".TH isochor-"), "{page}");
