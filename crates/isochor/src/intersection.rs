@@ -18,6 +18,7 @@ pub(crate) fn is_improper(s: &Facet, t: &Facet) -> bool {
     let position = |vertex: u32, of: &Facet| of.vertices.iter().position(|v| *v == vertex);
     let shared: Vec<[usize; 2]> = (0..3).filter_map(|i| position(s.vertices[i], t).map(|j| [i, j])).collect();
     match shared[..] {
+        [] if are_apart(&s.corners, &t.corners) => false,
         [] => (0..3).any(|k| meets(side(s, k), &t.corners) || meets(side(t, k), &s.corners)),
         // What they have in common is convex and holds the corner; where it is more, it ends on a side that is opposite to the corner.
         [[i, j]] => meets(side(s, i), &t.corners) || meets(side(t, j), &s.corners),
@@ -32,6 +33,13 @@ pub(crate) fn is_improper(s: &Facet, t: &Facet) -> bool {
         }
         _ => true,
     }
+}
+
+/// Whether the boxes of two triangles have no point in common.
+fn are_apart(s: &[DVec3; 3], t: &[DVec3; 3]) -> bool {
+    let low = |[a, b, c]: &[DVec3; 3]| a.min(*b).min(*c);
+    let high = |[a, b, c]: &[DVec3; 3]| a.max(*b).max(*c);
+    high(s).cmplt(low(t)).any() || high(t).cmplt(low(s)).any()
 }
 
 /// The side of a triangle that is opposite to corner `k`.

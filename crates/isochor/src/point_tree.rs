@@ -87,14 +87,20 @@ impl PointTree {
         let mut open = Vec::from_iter(self.parts.len().checked_sub(1));
         while let Some(part) = open.pop() {
             let Part { points, center, radius, halves } = &self.parts[part];
-            let reach = |p: DVec3| radius + ROUNDING * (radius + p.distance(*center));
-            if sides.iter().zip(normals).any(|(side, n)| (*center - side[0]).dot(n) > reach(side[0])) {
+            // Of a ball, or a point as one without radius.
+            let is_beyond = |center: DVec3, radius: f64| {
+                sides.iter().zip(normals).any(|(side, n)| {
+                    let from = center - side[0];
+                    from.dot(n) > radius + ROUNDING * (radius + from.length())
+                })
+            };
+            if is_beyond(*center, *radius) {
                 continue;
             }
             match halves {
                 Some(halves) => open.extend(halves),
                 None => {
-                    let is_in = |p: &DVec3| sides.iter().all(|side| above(side, *p) >= 0.0);
+                    let is_in = |p: &DVec3| !is_beyond(*p, 0.0) && sides.iter().all(|side| above(side, *p) >= 0.0);
                     if self.points[points.clone()].iter().any(is_in) {
                         return true;
                     }
