@@ -70,6 +70,9 @@ pub enum Command {
     /// Deform a model and keep its volume, from flags or from a job file.
     #[command(after_help = DEFORM_EXAMPLES)]
     Deform(Box<DeformArgs>),
+    /// Make a cage round a model: a closed mesh of few triangles that holds it, to deform it by.
+    #[command(after_help = CAGE_EXAMPLES)]
+    Cage(CageArgs),
     /// Measure times and memory on this machine.
     #[command(
         after_help = "Examples:\n  isochor bench lattice\n  isochor bench surface\n  isochor bench elastic\n  isochor bench deform"
@@ -159,6 +162,29 @@ pub struct BenchDeformArgs {
     /// Runs on each model, of which the fastest is told.
     #[arg(long, value_name = "N", default_value_t = 3, value_parser = clap::value_parser!(u8).range(1..=100))]
     pub runs: u8,
+}
+
+const CAGE_EXAMPLES: &str = "Examples:
+  isochor cage bunny.ply -o bunny-cage.obj
+  isochor cage horse.ply -o horse-cage.obj --faces 300 --distance 0.01
+  isochor cage shape:ring -o ring-cage.ply --json
+
+Open, crossing and flat models have cages, too.
+Exit codes: 0 done; 1 the request cannot be met; 2 bad input or usage. Nothing is written on 1 or 2.";
+
+#[derive(Clone, Debug, Args)]
+pub struct CageArgs {
+    /// The model: .obj, .ply or .stl, or a built-in shape such as shape:ball; isochor help lists them.
+    pub model: PathBuf,
+    /// Where the cage goes: .obj or .ply.
+    #[arg(long, short, value_name = "FILE")]
+    pub output: PathBuf,
+    /// At most so many triangles.
+    #[arg(long, value_name = "N", default_value_t = 200)]
+    pub faces: u32,
+    /// Least distance of the model's vertices from the cage, as a fraction of the longest side of the model's box.
+    #[arg(long, value_name = "FRACTION", default_value_t = 0.02, allow_negative_numbers = true)]
+    pub distance: f64,
 }
 
 const DEFORM_EXAMPLES: &str = "Examples:

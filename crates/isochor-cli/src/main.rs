@@ -8,6 +8,7 @@ mod bench_elastic;
 mod bench_lattice;
 mod bench_surface;
 mod bench_tables;
+mod cage;
 mod demo;
 mod elastic_examples;
 mod failure;

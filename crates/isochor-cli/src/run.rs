@@ -16,7 +16,7 @@ use crate::inputs::Inputs;
 use crate::model::Model;
 use crate::request::{Request, Requests, has_extension};
 use crate::terminal::Terminal;
-use crate::{bench, demo, frames, info, inputs, memory, pages, pictures, sheet_picture};
+use crate::{bench, cage, demo, frames, info, inputs, memory, pages, pictures, sheet_picture};
 
 /// Runs what was asked and says with which code to end.
 pub fn command(cli: Cli) -> ExitCode {
@@ -40,6 +40,7 @@ pub fn command(cli: Cli) -> ExitCode {
             terminal.report(&report, &request);
             Ok(())
         }),
+        Command::Cage(args) => cage::run(args, &terminal),
         Command::Bench { bench } => bench::run(bench, cli.output.threads, &terminal),
         Command::Completions { shell } => pages::completions(*shell),
         Command::Man { folder } => pages::man(folder.as_deref()),

@@ -252,7 +252,7 @@ fn example_jobs_run_on_the_models_of_the_demo() {
 fn help_has_examples_for_every_command() {
     let folder = Folder::new();
     let help = folder.isochor("--help").succeeded().stdout;
-    for command in ["demo", "info", "deform", "bench", "completions", "man"] {
+    for command in ["demo", "info", "deform", "cage", "bench", "completions", "man"] {
         assert!(help.contains(&format!("\n  {command} ")), "{help}");
         for line in [format!("help {command}"), format!("{command} --help")] {
             let help = folder.isochor(&line).succeeded().stdout;
@@ -277,12 +277,80 @@ fn every_flag_in_the_help_stands_in_a_test() {
     assert!(untested.is_empty(), "{untested:?}");
 }
 
+/// The unit cube as a cage, as it is and with its sides of y > 0.5 moved outward and its top pulled up.
+fn write_cages(folder: &Folder) {
+    let cube = shapes::cube(1);
+    let moved = |f: &dyn Fn(DVec3) -> DVec3| cube.with_points(cube.points().iter().map(|p| f(*p)).collect()).unwrap();
+    let round = |p: DVec3| (p - 0.5) * 2.6;
+    let pulled = |p: DVec3| round(p) + DVec3::new(0.0, 0.8 * p.y, 0.5 * p.z * p.x);
+    for (name, mesh) in [("cage.obj", moved(&round)), ("posed.obj", moved(&pulled))] {
+        folder.write(name, Document::from_mesh(&mesh, Format::Obj, NumberType::F64).unwrap().bytes());
+    }
+}
+
+#[test]
+fn cages_deform_models_at_constant_volume() {
+    let folder = Folder::new();
+    write_cages(&folder);
+    for coordinates in ["mean-value", "harmonic", "green"] {
+        let keys = format!("posed=\"posed.obj\",coordinates=\"{coordinates}\",save_weights=\"{coordinates}.weights\"");
+        let line = format!("shape:ball -o {coordinates}.ply --cage cage.obj:{keys} --save-controls {coordinates}.obj");
+        let report = folder.report(&line);
+        assert!(relative_error(&report) <= 1e-13, "{report}");
+        assert_eq!(report["cage"]["coordinates"], coordinates);
+        assert_eq!((&report["cage"]["vertices"], &report["cage"]["outside"]), (&8.into(), &0.into()));
+        assert!(report["cage"]["linear_precision"].as_f64().unwrap() <= 1e-13);
+        // The corrected cage, as a pose, has the volume already, and saved weights are the same.
+        let again =
+            format!("posed=\"{coordinates}.obj\",coordinates=\"{coordinates}\",weights=\"{coordinates}.weights\"");
+        let report = folder.report(&format!("shape:ball -o again.ply --cage cage.obj:{again} --preserve free"));
+        assert!((number(&report, "posed") / number(&report, "rest") - 1.0).abs() <= 1e-12, "{report}");
+        assert!(farthest(&folder.points("again.ply"), &folder.points(&format!("{coordinates}.ply"))) <= 1e-12);
+    }
+    let other = "deform shape:cube -o no.ply --cage cage.obj:weights=\"green.weights\",coordinates=\"green\"";
+    let ran = folder.isochor(other);
+    assert!(ran.code == Some(2) && ran.stderr.contains("of another model"), "{}", ran.stderr);
+    let ran = folder.isochor("deform shape:ball -o no.ply --cage cage.obj:weights=\"green.weights\"");
+    assert!(ran.code == Some(2) && ran.stderr.contains("green coordinates, not mean-value"), "{}", ran.stderr);
+    assert!(!folder.path("no.ply").exists());
+}
+
+#[test]
+fn slides_and_handles_move_vertices_of_cages() {
+    let folder = Folder::new();
+    write_cages(&folder);
+    let cage = "--cage cage.obj:planes={vertices=[7]}";
+    folder.report("shape:ball -o rest.ply");
+    let report = folder
+        .report(&format!("shape:ball -o slid.ply {cage} --slide v=7:0.3,0.2,-0.1 --preserve free --picture slid.png"));
+    assert!((number(&report, "posed") / number(&report, "rest") - 1.0).abs() <= 1e-13, "{report}");
+    assert_eq!(report["cage"]["planes"][0]["vertex"], 7);
+    assert!(farthest(&folder.points("slid.ply"), &folder.points("rest.ply")) > 0.1);
+    folder.write("moves.param", "0 1 1\n7 0.2 0.4 0.6\n");
+    let report = folder.report(
+        "shape:ball -o moved.ply --cage cage.obj:posed=\"moves.param\",free={vertices=[0,1]} --save-controls moved.obj",
+    );
+    assert!(relative_error(&report) <= 1e-13);
+    let (rest, posed) = (folder.points("cage.obj"), folder.points("moved.obj"));
+    assert!(posed[7].distance(rest[7] + DVec3::new(0.2, 0.4, 0.6)) <= 1e-12);
+    assert_eq!(posed[2..7], rest[2..7]);
+    folder.write("moves.param", "0 1 1\n8 0.2 0.4 0.6\n");
+    let ran = folder.isochor("deform shape:ball -o no.ply --cage cage.obj:posed=\"moves.param\"");
+    assert_eq!(ran.code, Some(2), "{}", ran.stderr);
+    let ran = folder.isochor("deform shape:ball -o no.ply --cage cage.obj --pin k=0 --stretch z=0.8");
+    assert!(ran.code == Some(2) && ran.stderr.contains("vertices of a cage"), "{}", ran.stderr);
+    let ran = folder.isochor("deform shape:ball -o no.ply --cage cage.obj:posed=\"slid.ply\"");
+    assert!(ran.code == Some(2) && ran.stderr.contains("must correspond in order"), "{}", ran.stderr);
+    let ran = folder.isochor("deform shape:ball -o cage.obj --cage cage.obj:posed=\"posed.obj\"");
+    assert!(ran.code == Some(2) && ran.stderr.contains("would overwrite the cage"), "{}", ran.stderr);
+}
+
 #[test]
 fn completions_name_the_commands() {
     let folder = Folder::new();
     for shell in ["bash", "zsh", "fish"] {
         let text = folder.isochor(&format!("completions {shell}")).succeeded().stdout;
-        for command in ["demo", "info", "deform", "bench", "completions", "man"] {
+        for command in ["demo", "info", "deform", "cage", "bench", "completions", "man"] {
             assert!(text.contains(command), "{shell}: no {command}");
         }
         assert!(text.contains("lattice-file") && text.contains("save-controls"), "{shell}");
@@ -296,7 +364,7 @@ fn manual_pages_name_the_commands() {
     let page = folder.isochor("man").succeeded().stdout;
     assert!(page.contains(".TH isochor 1"), "{page}");
     folder.isochor("man pages").succeeded();
-    for command in ["demo", "info", "deform", "bench", "completions", "man"] {
+    for command in ["demo", "info", "deform", "cage", "bench", "completions", "man"] {
         assert!(page.contains(command), "no {command} in {page}");
         let page = String::from_utf8(folder.bytes(&format!("pages/isochor-{command}.1"))).unwrap();
         assert!(page.contains(".TH isochor\\-") || page.contains(".TH isochor-"), "{page}");

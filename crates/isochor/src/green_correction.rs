@@ -118,19 +118,16 @@ pub(crate) fn corrected(pose: &GreenPose, wanted: &Wanted, is_nearest: bool) -> 
         state = next;
         steps += 1;
     }
-    if relative_error(&wanted.volumes, &state.volumes) > tolerances::VOLUME {
-        let by = relative_error(&wanted.volumes, &state.volumes);
-        return Err(impossible(if wanted.volumes.len() > 1 || !wanted.points.is_empty() {
-            Reason::Coupled { by }
-        } else {
-            Reason::Turns { limit: state.volumes.total }
-        }));
+    let of_points = state.lacks[wanted.volumes.len()..].iter().map(|lack| lack.abs()).fold(0.0, f64::max);
+    let is_met = relative_error(&wanted.volumes, &state.volumes) <= tolerances::VOLUME
+        && of_points <= tolerances::POINT * pose.extent;
+    if !is_met && !is_nearest {
+        return Err(impossible(Reason::Turns { limit: state.volumes.total }));
     }
-    let of_points = &state.lacks[wanted.volumes.len()..];
-    if let Some(k) = of_points.iter().position(|lack| lack.abs() > tolerances::POINT * pose.extent) {
-        return Err(impossible(Reason::Contradiction { point: k / 3, by: of_points[k].abs() }));
-    }
-    let status = if is_nearest && residual > tolerances::KKT_ENOUGH { Status::NotNearest } else { Status::Exact };
+    // The search for the nearest pose has not ended where something is lacking.
+    let residual = if is_met { residual } else { residual.max(state.miss) };
+    let status =
+        if is_nearest && (!is_met || residual > tolerances::KKT_ENOUGH) { Status::NotNearest } else { Status::Exact };
     Ok(ended(state, status, steps, is_nearest.then_some(residual)))
 }
 
@@ -156,7 +153,9 @@ impl GreenPose<'_> {
             let rows = self.rows(&state, wanted);
             let Some(step) = self.combined(&rows, lines.unwrap_or(&rows), &state.lacks) else { break };
             let mut share = 1.0;
-            let next = (0..HALVINGS).find_map(|_| {
+            // What rounding left does not go away by shorter steps.
+            let tries = if state.miss <= tolerances::VOLUME { 1 } else { HALVINGS };
+            let next = (0..tries).find_map(|_| {
                 let partial = state.displacement.iter().zip(&step).map(|(at, d)| *at + *d * share).collect();
                 let next = self.state(partial, wanted);
                 share /= 2.0;

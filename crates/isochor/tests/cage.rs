@@ -4,9 +4,8 @@ mod numbers;
 
 use glam::{DMat3, DVec3};
 use isochor::{
-    Cage, CageBinding, CageBindingError, CageOptions, Components, Coordinates, CorrectOptions, DragPlane, Energy,
-    Faces, Mesh, Method, OpenBoundaries, Outside, PointTarget, Pose, Solid, VolumeGoal, Wanted, correct, displaced,
-    shapes, topology,
+    Cage, CageBinding, CageBindingError, CageOptions, Coordinates, CorrectOptions, DragPlane, Energy, Faces, Mesh,
+    Method, OpenBoundaries, Outside, PointTarget, Pose, Solid, Wanted, correct, displaced, shapes, topology,
 };
 use numbers::{numbers, reference, vectors};
 use proptest::prelude::*;
@@ -345,19 +344,20 @@ mod jobs {
 
     #[test]
     fn points_and_several_axes_hold_with_cages() {
+        let to = shapes::icosphere(2).points()[3] * DVec3::new(1.1, 1.2, 0.7) + DVec3::new(1e6, -2e6, 0.0);
         for coordinates in ["mean-value", "green"] {
             let toml = format!(
                 "cage = {{ file = 'c', coordinates = '{coordinates}' }}\n[[edit]]\nstretch = {{ axis = 'z', scale = 0.6 }}\n\
-                 [preserve]\npoints = [{{ vertex = 3, to = [1000000.2, -1999999.2, 0.9] }}]"
+                 [preserve]\npoints = [{{ vertex = 3, to = [{:?}, {:?}, {:?}] }}]",
+                to.x, to.y, to.z
             );
             let outcome = run(&toml, false).unwrap();
             assert!(relative_error(&outcome) <= 1e-13);
-            assert!(
-                outcome.points[3].distance(DVec3::new(1_000_000.2, -1_999_999.2, 0.9)) <= 1e-9,
-                "{}",
-                outcome.points[3]
-            );
+            assert!(outcome.points[3].distance(to) <= 1e-9, "{coordinates}: {}", outcome.points[3]);
         }
+        // A place that no cage with these coordinates comes near is not come to.
+        let far = "cage = { file = 'c', coordinates = 'green' }\n[preserve]\npoints = [{ vertex = 3, to = [1000090, -1999990, 70] }]";
+        assert!(run(far, false).is_err_and(|error| error.is_unreachable()));
         let outcome = run(
             "cage = { file = 'c' }\n[[edit]]\nstretch = { axis = 'z', scale = 0.6 }\n[preserve]\naxes = 'xy'",
             false,
