@@ -417,7 +417,8 @@ fn lattices_that_lie_or_are_broken_do_no_harm() {
         let springs =
             NetDrawing { kind: NetKind::Springs, ends: vec![[0, 1], [7, u32::MAX], [1, 1]], is_held: vec![true] };
         for springs in [None, Some(Cow::Owned(springs))] {
-            show.poses[0].lattice = Some(ShownLattice { size, controls: controls.clone().into(), springs });
+            show.poses[0].lattice =
+                Some(ShownLattice { size, controls: controls.clone().into(), net: springs, planes: Vec::new() });
             assert!(inked(&picture(&show, &small())) > 500, "{size:?}");
         }
     }

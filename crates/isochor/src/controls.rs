@@ -21,7 +21,7 @@ use crate::tolerances;
 /// What carries a displacement of controls to vertices.
 #[derive(Clone, Debug)]
 pub(crate) enum Deformer {
-    Lattice(Lattice, Outside),
+    Lattice(Box<Lattice>, Outside),
     Cage(Arc<CageBinding>),
 }
 
@@ -97,25 +97,25 @@ pub(crate) struct Controls {
     pub(crate) posed: Vec<DVec3>,
     pub(crate) mobility: Option<Vec<DVec3>>,
     /// The file of the lattice or the cage, if there is one: model coordinates that did not change come back with their bits.
-    file: Option<File>,
-}
-
-/// What was read, in model coordinates.
-enum File {
-    Lattice(PosedLattice),
-    Cage(PosedCage),
+    file: Option<Saved>,
 }
 
 /// Controls in model coordinates.
 pub(crate) enum Saved {
-    Lattice(PosedLattice),
+    Lattice(Box<PosedLattice>),
     Cage(PosedCage),
 }
 
 impl Controls {
     fn at_rest(lattice: Lattice, outside: Outside) -> Self {
         let rest = lattice.rest();
-        Self { deformer: Deformer::Lattice(lattice, outside), posed: rest.clone(), rest, mobility: None, file: None }
+        Self {
+            deformer: Deformer::Lattice(Box::new(lattice), outside),
+            posed: rest.clone(),
+            rest,
+            mobility: None,
+            file: None,
+        }
     }
 
     pub(crate) fn of_cage(
@@ -168,7 +168,7 @@ impl Controls {
             rest,
             posed,
             mobility: None,
-            file: Some(File::Cage(file)),
+            file: Some(Saved::Cage(file)),
         })
     }
 
@@ -205,11 +205,11 @@ impl Controls {
             ));
         }
         Ok(Self {
-            deformer: Deformer::Lattice(lattice, *outside),
+            deformer: Deformer::Lattice(Box::new(lattice), *outside),
             rest: near(&file.rest),
             posed: near(&file.posed),
             mobility: file.mobility.clone(),
-            file: Some(File::Lattice(file.clone())),
+            file: Some(Saved::Lattice(Box::new(file.clone()))),
         })
     }
 
@@ -266,13 +266,18 @@ impl Controls {
             (0..posed.len()).map(|i| DVec3::from_array([0, 1, 2].map(|a| coordinate(i, a)))).collect()
         };
         Ok(match (&self.file, &self.deformer) {
-            (Some(File::Lattice(file)), _) => {
-                Saved::Lattice(PosedLattice { posed: moved(&file.posed), ..file.clone() })
+            (Some(Saved::Lattice(file)), _) => {
+                Saved::Lattice(Box::new(PosedLattice { posed: moved(&file.posed), ..PosedLattice::clone(file) }))
             }
-            (Some(File::Cage(file)), _) => Saved::Cage(PosedCage { posed: moved(&file.posed), ..file.clone() }),
+            (Some(Saved::Cage(file)), _) => Saved::Cage(PosedCage { posed: moved(&file.posed), ..file.clone() }),
             (None, Deformer::Lattice(lattice, _)) => {
                 let lattice = Lattice::new(lattice.bases().clone(), lattice.frame().moved(origin))?;
-                Saved::Lattice(PosedLattice { lattice, rest: far(&self.rest), posed: far(posed), mobility: None })
+                Saved::Lattice(Box::new(PosedLattice {
+                    lattice,
+                    rest: far(&self.rest),
+                    posed: far(posed),
+                    mobility: None,
+                }))
             }
             (None, Deformer::Cage(_)) => unreachable!("a cage comes from a file"),
         })

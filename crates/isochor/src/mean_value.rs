@@ -166,7 +166,7 @@ fn fill<S: Simd>(simd: S, cage: &Cage, points: &[DVec3], stride: usize, out: &mu
             for (k, v) in corners.iter().enumerate() {
                 let opposite = sides[(k + 1) % 3].cross;
                 let v = *v as usize;
-                weights[v] = weights[v] + dot(opposite, m) * scale / distance[v];
+                weights[v] += dot(opposite, m) * scale / distance[v];
             }
         }
         for (i, (point, row)) in points.iter().zip(out.chunks_mut(stride)).enumerate() {
@@ -241,15 +241,15 @@ fn weights_with_slopes(corners: [DVec3; 3]) -> ([f64; 3], [DVec3; 3]) {
     let unit = [0, 1, 2].map(|i| corners[i] / distances[i]);
     let (mut m, mut slope) = (DVec3::ZERO, DMat3::ZERO);
     let mut crosses = [DVec3::ZERO; 3];
-    for side in 0..3 {
-        let (i, j) = (side, (side + 1) % 3);
+    for (i, cross) in crosses.iter_mut().enumerate() {
+        let j = (i + 1) % 3;
         let (a, b) = (unit[i], unit[j]);
-        crosses[side] = a.cross(b);
-        let (sine, cosine) = (crosses[side].length(), a.dot(b));
+        *cross = a.cross(b);
+        let (sine, cosine) = (cross.length(), a.dot(b));
         let ratio = if sine > 0.0 { libm::atan2(sine, cosine) / sine } else { 1.0 };
-        m += 0.5 * ratio * crosses[side];
+        m += 0.5 * ratio * *cross;
         // θ n with n = a × b / sin θ: the angle changes by the ends' moves in the plane, the normal by those across it.
-        let n = crosses[side] / sine;
+        let n = *cross / sine;
         let by_angle = n.cross(a) / distances[i] - n.cross(b) / distances[j];
         let across = corners[i] - corners[j];
         // p moved by d turns n to (1 − n nᵀ) (d × across) / |a × b|, with the ends' whole lengths.
@@ -355,12 +355,12 @@ impl EdgeOn {
         let nearest: DVec3 = corners.iter().zip(nearest).map(|(corner, b)| *corner * b).sum();
         let step = STEP * nearest.length();
         let mut slopes = this.factors.map(|f| this.normal * -f);
-        for axis in 0..3 {
-            let by = DVec3::AXES[axis] * step;
+        for axis in DVec3::AXES {
             // The point goes forward where the corners go back.
+            let by = axis * step;
             let (after, before) = (Self::new(corners.map(|c| c - by)), Self::new(corners.map(|c| c + by)));
-            for i in 0..3 {
-                slopes[i][axis] += this.height * (after.factors[i] - before.factors[i]) / (2.0 * step);
+            for (i, slope) in slopes.iter_mut().enumerate() {
+                *slope += axis * (this.height * (after.factors[i] - before.factors[i]) / (2.0 * step));
             }
         }
         (this.weights(), slopes)
@@ -438,9 +438,9 @@ mod tests {
                 for (axis, by) in DVec3::AXES.into_iter().map(|axis| axis * 1e-4).enumerate() {
                     let at = |k: f64| integrated(corners(h).map(|c| c - by * k));
                     let [far, near] = [2.0, 1.0].map(|k| (at(k), at(-k)));
-                    for i in 0..3 {
+                    for (i, slope) in slopes.iter().enumerate() {
                         let measured = (8.0 * (near.0[i] - near.1[i]) - (far.0[i] - far.1[i])) / (12.0 * 1e-4);
-                        assert!((slopes[i][axis] - measured).abs() <= 1e-5 * h.abs() + 1e-9, "{foot} {h} {i} {axis}");
+                        assert!((slope[axis] - measured).abs() <= 1e-5 * h.abs() + 1e-9, "{foot} {h} {i} {axis}");
                     }
                 }
             }

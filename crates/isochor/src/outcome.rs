@@ -834,7 +834,7 @@ impl Job {
             None => None,
         };
         let (saved, saved_cage) = match controls.in_model_coordinates(&posed, origin)? {
-            Saved::Lattice(lattice) => (Some(lattice), None),
+            Saved::Lattice(lattice) => (Some(*lattice), None),
             Saved::Cage(cage) => (None, Some(cage)),
         };
         Ok(Outcome {
