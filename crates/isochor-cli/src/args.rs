@@ -116,6 +116,9 @@ pub enum BenchCommand {
         after_help = "Examples:\n  isochor bench elastic --plot convergence.svg\n  isochor bench elastic --quick --json"
     )]
     Elastic(BenchElasticArgs),
+    /// The table of the paper about cages, this machine beside it, with 1 and all threads; takes half a minute and 2 GB of memory.
+    #[command(after_help = "Examples:\n  isochor bench cage\n  isochor bench cage --quick --json")]
+    Cage(BenchCageArgs),
     /// Whole deformations of files of many sizes: times of all stages, and memory.
     #[command(
         after_help = "Examples:\n  isochor bench deform\n  isochor bench deform --vertices 25000000 --runs 1 --threads 2\n\n\
@@ -142,6 +145,13 @@ pub struct BenchSurfaceArgs {
     /// Draw times of flattening against grid cells to an .svg file.
     #[arg(long, value_name = "FILE")]
     pub plot: Option<PathBuf>,
+}
+
+#[derive(Debug, Args)]
+pub struct BenchCageArgs {
+    /// Only small models and few runs: a second instead of half a minute, and much noise.
+    #[arg(long)]
+    pub quick: bool,
 }
 
 #[derive(Debug, Args)]

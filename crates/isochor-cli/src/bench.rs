@@ -3,7 +3,7 @@
 use crate::args::BenchCommand;
 use crate::failure::Failure;
 use crate::terminal::Terminal;
-use crate::{bench_deform, bench_elastic, bench_lattice, bench_surface};
+use crate::{bench_cage, bench_deform, bench_elastic, bench_lattice, bench_surface};
 
 /// Runs a measurement; commands that it runs get as many threads as this one.
 pub fn run(bench: &BenchCommand, threads: Option<u16>, terminal: &Terminal) -> Result<(), Failure> {
@@ -11,6 +11,7 @@ pub fn run(bench: &BenchCommand, threads: Option<u16>, terminal: &Terminal) -> R
         BenchCommand::Lattice(args) => bench_lattice::run(args, terminal),
         BenchCommand::Surface(args) => bench_surface::run(args, terminal),
         BenchCommand::Elastic(args) => bench_elastic::run(args, terminal),
+        BenchCommand::Cage(args) => bench_cage::run(args, terminal),
         BenchCommand::Deform(args) => bench_deform::run(args, threads, terminal),
     }
 }

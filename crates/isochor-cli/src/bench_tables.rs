@@ -1,5 +1,6 @@
 //! Measurements as text: tables.
 
+use crate::bench_cage::CageBench;
 use crate::bench_elastic::{ElasticBench, ElasticRow, LevelRow};
 use crate::bench_lattice::{LatticeBench, ModelRow, Run, StageTime};
 use crate::bench_surface::SurfaceBench;
@@ -213,6 +214,47 @@ fn flattening(bench: &SurfaceBench) -> String {
 /// Cells along both directions.
 fn grid(cells: usize) -> String {
     format!("{cells} × {cells}")
+}
+
+/// The table of `isochor bench cage`: CVB's table 3.
+pub fn of_cage_bench(bench: &CageBench) -> String {
+    let counts: Vec<usize> =
+        bench.models.first().map_or_else(Vec::new, |row| row.runs.iter().map(|r| r.threads).collect());
+    let here = |what: &'static str| counts.iter().map(move |count| format!("{what}, {}", threads(*count)));
+    let mut columns: Vec<String> =
+        ["model", "vertices", "triangles: CVB", "here", "gradient of one: CVB"].map(str::to_owned).into();
+    columns.extend(here("of all, here"));
+    columns.extend(["deform, GPU: CVB", "CPU: CVB"].map(str::to_owned));
+    columns.extend(here("here"));
+    columns.extend(here("bind, here"));
+    let title = format!(
+        "CVB, table 3: milliseconds; here a stone in a cage of {} vertices and {} triangles",
+        bench.cage_vertices, bench.cage_triangles
+    );
+    let mut table = Table::new(&title, &columns);
+    for row in &bench.models {
+        let paper = &row.paper;
+        let mut cells = vec![
+            paper.model.into(),
+            grouped(row.vertices),
+            grouped(paper.triangles),
+            grouped(row.faces),
+            stated(paper.gradient_ms),
+        ];
+        cells.extend(row.runs.iter().map(|run| figure(run.gradient.ms)));
+        cells.extend([stated(paper.gpu_deform_ms), stated(paper.cpu_deform_ms)]);
+        cells.extend(row.runs.iter().map(|run| figure(run.deform.ms)));
+        cells.extend(row.runs.iter().map(|run| figure(run.bind.ms)));
+        table.row(&cells);
+    }
+    let times = bench.models.iter().flat_map(|row| &row.runs).flat_map(|run| [&run.bind, &run.gradient, &run.deform]);
+    let note = format!(
+        "{} CVB: {}.\n{}",
+        medians(times.map(|time| time.runs)),
+        bench.paper_machine,
+        if bench.quick { quick_note("small models") } else { String::new() }
+    );
+    [table.into_text(), note].join("\n")
 }
 
 /// All tables of `isochor bench elastic`.

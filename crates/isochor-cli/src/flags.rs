@@ -245,6 +245,7 @@ pub fn cage(text: &str, request: &mut Option<CageRequest>) -> Result<(), Failure
         weights: made.weights.or(said.weights),
         save_weights: made.save_weights.or(said.save_weights),
         free: made.free.or(said.free),
+        stress: made.stress || said.stress,
         planes: made.planes.or(said.planes),
     });
     Ok(())

@@ -3,6 +3,7 @@
 mod args;
 mod bandwidth;
 mod bench;
+mod bench_cage;
 mod bench_deform;
 mod bench_elastic;
 mod bench_lattice;

@@ -7,6 +7,8 @@
 //! CO, table 1: B.-Y. Chen, Y. Ono, H. Johan, M. Ishii, T. Nishita, J. Feng, *3D model deformation along a parametric surface*, 2002,
 //! section 4. Its figure 3, time of flattening against the number of grid cells, is a plot without numbers.
 //!
+//! CVB, table 3: M. À. Cerveró, Á. Vinacua, P. Brunet, *Volume-preserving deformation using generalized barycentric coordinates*, section 5.
+//!
 //! HML, tables 1 and 2: G. Hirota, R. Maheshwari, M. C. Lin, *Fast volume-preserving free form deformation using multi-level optimization*, Solid
 //! Modeling 1999, section 5.2. Its figures 5 to 8, errors of nodes against time, are plots without numbers.
 
@@ -121,6 +123,38 @@ pub const SURFACES: [SurfaceTimes; 3] = [
     SurfaceTimes { figure: "Figure 8", polygons: 6, cells: 10, flatten_ms: 166.0, deform_ms: 12.0 },
     SurfaceTimes { figure: "Figure 9", polygons: 6, cells: 10, flatten_ms: 128.4, deform_ms: 16.0 },
     SurfaceTimes { figure: "Figure 10", polygons: 73_665, cells: 16, flatten_ms: 777.0, deform_ms: 186.2 },
+];
+
+/// What CVB computed on.
+pub const CAGE_MACHINE: &str = "Intel Core2 Duo E8400, NVIDIA GTX280";
+
+/// A row of CVB's table 3: milliseconds.
+#[derive(Clone, Copy, Debug, PartialEq, serde::Serialize)]
+pub struct CageTimes {
+    pub model: &'static str,
+    pub vertices: usize,
+    pub triangles: usize,
+    /// The gradient with respect to one vertex of the cage, on the processor.
+    pub gradient_ms: f64,
+    /// Moving the vertices, on the GPU.
+    pub gpu_deform_ms: f64,
+    /// The same on the processor.
+    pub cpu_deform_ms: f64,
+}
+
+const fn in_cage(model: &'static str, [vertices, triangles]: [usize; 2], times: [f64; 3]) -> CageTimes {
+    let [gradient_ms, gpu_deform_ms, cpu_deform_ms] = times;
+    CageTimes { model, vertices, triangles, gradient_ms, gpu_deform_ms, cpu_deform_ms }
+}
+
+/// CVB, table 3.
+pub const CAGES: [CageTimes; 6] = [
+    in_cage("Teapot", [530, 1024], [1.98, 0.18, 7.43]),
+    in_cage("Semi-sphere", [2524, 1054], [2.03, 0.37, 3.38]),
+    in_cage("Monkey", [2868, 968], [1.86, 0.19, 3.78]),
+    in_cage("Bunny", [35_947, 69_451], [124.97, 0.81, 32.69]),
+    in_cage("Cylinder", [303_504, 266_240], [369.79, 4.48, 272.58]),
+    in_cage("Bust", [893_866, 1_782_976], [2303.58, 15.69, 830.95]),
 ];
 
 /// What HML computed on.

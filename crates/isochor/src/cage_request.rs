@@ -24,6 +24,8 @@ pub struct CageRequest {
     pub outside: Option<Outside>,
     /// Cells of the grid of harmonic coordinates, along the longest side of the cage; by default a number that suits it.
     pub resolution: Option<usize>,
+    /// Whether local stress at the model's vertices is reported.
+    pub stress: bool,
     /// Saved coordinates of this model in this cage, instead of computing them.
     pub weights: Option<PathBuf>,
     /// Where to save the coordinates.

@@ -133,6 +133,7 @@ mod kkt;
 mod lattice;
 mod levels;
 mod local_frame;
+mod local_stress;
 mod locality;
 mod locate;
 mod mean_value;
@@ -234,6 +235,7 @@ pub use job::{
 pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use levels::{Level, LevelOptions, Levels, TriangleError};
+pub use local_stress::{LocalStress, StressReport};
 pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use locate::LocateError;
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};

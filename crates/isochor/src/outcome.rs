@@ -29,6 +29,7 @@ use crate::job::{
     VolumeTarget,
 };
 use crate::lattice::{Lattice, LatticeError};
+use crate::local_stress::StressReport;
 use crate::locality::{LocalityOptions, local_mobility};
 use crate::mesh::{Bounds, Mesh, MeshError};
 use crate::parallel;
@@ -829,8 +830,11 @@ impl Job {
         }
         watch.lap(Stage::Correct.name());
 
+        let is_stressed = self.cage.as_ref().is_some_and(|request| request.stress);
         let cage = match deformer.cage() {
-            Some(cage) => Some(Self::cage_report(cage, body.as_ref(), &rest_points, &posed, &planes, origin)?),
+            Some(cage) => {
+                Some(Self::cage_report(cage, body.as_ref(), &rest_points, &posed, &planes, is_stressed, origin)?)
+            }
             None => None,
         };
         let (saved, saved_cage) = match controls.in_model_coordinates(&posed, origin)? {
@@ -890,6 +894,7 @@ impl Job {
         rest_points: &[DVec3],
         posed: &[DVec3],
         weights: &[f64],
+        is_stressed: bool,
         origin: DVec3,
     ) -> Result<CageJobReport, JobError> {
         let mut planes = Vec::new();
@@ -906,7 +911,9 @@ impl Job {
                 planes.push(DragPlaneReport { vertex, plane });
             }
         }
-        Ok(CageJobReport { binding: cage.report().clone(), planes })
+        let jacobians = is_stressed.then(|| cage.jacobians(rest_points, posed)).transpose()?;
+        let stress = jacobians.and_then(|jacobians| StressReport::of(&jacobians));
+        Ok(CageJobReport { binding: cage.report().clone(), stress, planes })
     }
 
     /// Runs a job whose model goes along a surface first.

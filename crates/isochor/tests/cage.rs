@@ -394,6 +394,27 @@ mod jobs {
         assert_eq!(planes[0].plane.origin, outcome.cage.as_ref().unwrap().posed[5]);
     }
 
+    /// An affine map has one stress everywhere: stretches of 3, 2 and 1 turn vectors by up to 30°. Green coordinates reproduce similarities alone.
+    #[test]
+    fn local_stress_is_reported() {
+        for (coordinates, by, degrees) in [
+            ("mean-value", [3.0, 2.0, 1.0], 30.0),
+            ("harmonic", [3.0, 2.0, 1.0], 30.0),
+            ("green", [2.0; 3], 0.0),
+            ("mean-value", [1.0, 1.0, -1.0], 180.0),
+        ] {
+            let toml = format!(
+                "cage = {{ file = 'c', coordinates = '{coordinates}', stress = true }}\n[[edit]]\nscale = {{ by = {by:?} }}\n[preserve]\nvolume = 'free'"
+            );
+            let outcome = run(&toml, false).unwrap();
+            let stress = outcome.report.cage.as_ref().unwrap().stress.as_ref().unwrap();
+            assert_eq!(stress.points, 162);
+            assert!((stress.mean_degrees - degrees).abs() <= 1e-5, "{coordinates}: {stress:?}");
+            assert!((stress.largest_degrees - degrees).abs() <= 1e-5, "{coordinates}: {stress:?}");
+            assert_eq!(stress.inverted, if degrees == 180.0 { 162 } else { 0 });
+        }
+    }
+
     #[test]
     fn what_cages_cannot_do_says_why() {
         let said = |toml: &str| run(toml, true).unwrap_err().to_string();
