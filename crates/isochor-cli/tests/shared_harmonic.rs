@@ -49,5 +49,5 @@ fn real_cages_have_coordinates_that_reproduce_points() {
         }
         assert!(inside > 0, "{model}");
     }
-    assert_eq!(pairs, 19);
+    assert_eq!(pairs, 20);
 }

@@ -28,6 +28,9 @@ const STEPS: usize = 200;
 /// Most halvings of a step.
 const HALVINGS: usize = 30;
 
+/// Longest step, in promised ones. Larger: steps that must be halved; smaller: flat directions take long.
+const LONGEST: f64 = 30.0;
+
 /// Part of the decrease of the cost that a step promises which it must bring. Larger: short steps; smaller: steps that bring nothing.
 const DECREASE: f64 = 1e-4;
 
@@ -91,6 +94,8 @@ pub(crate) fn corrected(pose: &GreenPose, wanted: &Wanted, is_nearest: bool) -> 
     let lines = (!is_nearest).then_some(&first[..]);
     let (mut state, mut steps) = pose.restored(start, wanted, lines);
     let mut residual = f64::INFINITY;
+    // The displacement before the last step, and the step that was promised there.
+    let mut last: Option<(Vec<DVec3>, Vec<DVec3>)> = None;
     while is_nearest && state.miss <= tolerances::NEAR_VOLUME && steps < STEPS {
         let rows = pose.rows(&state, wanted);
         let asked: Vec<f64> =
@@ -104,7 +109,13 @@ pub(crate) fn corrected(pose: &GreenPose, wanted: &Wanted, is_nearest: bool) -> 
             break;
         }
         let (cost, gain) = (pose.cost(&state.displacement), pose.cost(&step));
-        let mut share = 1.0;
+        // How much of it to go at first: as the last step changed it (J. Barzilai, J. Borwein, *Two-point step size gradient methods*, 1988).
+        let mut share = last.as_ref().map_or(1.0, |(at, promised)| {
+            let moved: Vec<DVec3> = state.displacement.iter().zip(at).map(|(a, b)| *a - *b).collect();
+            let turned: Vec<DVec3> = promised.iter().zip(&step).map(|(a, b)| *a - *b).collect();
+            let quotient = pose.product(&moved, &moved) / pose.product(&moved, &turned);
+            if quotient > 0.0 { quotient.clamp(1.0 / LONGEST, LONGEST) } else { 1.0 }
+        });
         let next = (0..HALVINGS).find_map(|_| {
             let partial = state.displacement.iter().zip(&step).map(|(at, d)| *at + *d * share).collect();
             let (next, _) = pose.restored(pose.state(partial, wanted), wanted, None);
@@ -115,7 +126,7 @@ pub(crate) fn corrected(pose: &GreenPose, wanted: &Wanted, is_nearest: bool) -> 
             (is_near || (is_less && next.miss <= tolerances::NEAR_VOLUME)).then_some(next)
         });
         let Some(next) = next else { break };
-        state = next;
+        last = Some((std::mem::replace(&mut state, next).displacement, step));
         steps += 1;
     }
     let of_points = state.lacks[wanted.volumes.len()..].iter().map(|lack| lack.abs()).fold(0.0, f64::max);
@@ -142,8 +153,14 @@ fn dot(a: &[DVec3], b: &[DVec3]) -> f64 {
 impl GreenPose<'_> {
     /// What a displacement costs: `Σ δ²/m`.
     fn cost(&self, displacement: &[DVec3]) -> f64 {
-        let of = |d: f64, m: f64| if m > 0.0 { d * d / m } else { 0.0 };
-        displacement.iter().zip(self.mobility).map(|(d, m)| of(d.x, m.x) + of(d.y, m.y) + of(d.z, m.z)).sum()
+        self.product(displacement, displacement)
+    }
+
+    /// `Σ a b/m`.
+    fn product(&self, a: &[DVec3], b: &[DVec3]) -> f64 {
+        let of = |a: f64, b: f64, m: f64| if m > 0.0 { a * b / m } else { 0.0 };
+        let pairs = a.iter().zip(b).zip(self.mobility);
+        pairs.map(|((a, b), m)| of(a.x, b.x, m.x) + of(a.y, b.y, m.y) + of(a.z, b.z, m.z)).sum()
     }
 
     /// A state that lacks nothing, if Newton's method comes to one: by the smallest steps, or along given directions. And how many steps it took.

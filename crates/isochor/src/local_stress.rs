@@ -71,9 +71,12 @@ impl LocalStress {
                 break;
             }
         }
+        // Columns at right angles tell the sign of their determinant, whatever their lengths.
+        let [a, b, c] = columns.map(DVec3::normalize_or_zero);
+        let is_inverted = a.dot(b.cross(c)) < 0.0;
         let mut singular_values = columns.map(DVec3::length);
         singular_values.sort_unstable_by(|a, b| b.total_cmp(a));
-        if jacobian.determinant() < 0.0 {
+        if is_inverted {
             singular_values[2] = -singular_values[2];
         }
         Self { singular_values }

@@ -180,7 +180,9 @@ fn fill<S: Simd>(simd: S, cage: &Cage, points: &[DVec3], stride: usize, out: &mu
             }
             row.iter_mut().zip(&weights).for_each(|(to, w)| *to = lanes_of(*w)[i]);
             for (_, t) in edge_on.iter().filter(|(lane, _)| *lane == i) {
-                let weights = EdgeOn::new(cage.corners(*t).map(|v| v - *point)).weights();
+                let corners = cage.corners(*t).map(|v| v - *point);
+                let weights =
+                    EdgeOn::new(corners).map_or_else(|| weights_with_slopes(corners).0, |seen| seen.weights());
                 cage.triangles()[*t].iter().zip(weights).for_each(|(v, w)| row[*v as usize] += w);
             }
             let whole: f64 = row.iter().sum();
@@ -262,8 +264,9 @@ fn weights_with_slopes(corners: [DVec3; 3]) -> ([f64; 3], [DVec3; 3]) {
     }
     let determinant = unit[0].dot(crosses[1]);
     let longest = 2.0 - 2.0 * [0, 1, 2].map(|i| unit[i].dot(unit[(i + 1) % 3])).into_iter().fold(1.0, f64::min);
-    if determinant.abs() < EDGE_ON * longest && m.length() < FACED {
-        return EdgeOn::weights_with_slopes(corners);
+    let is_edge_on = determinant.abs() < EDGE_ON * longest && m.length() < FACED;
+    if is_edge_on && let Some(both) = EdgeOn::weights_with_slopes(corners) {
+        return both;
     }
     let opposite = |i: usize| crosses[(i + 1) % 3];
     let weights = [0, 1, 2].map(|i| opposite(i).dot(m) / (distances[i] * determinant));
@@ -314,8 +317,9 @@ struct EdgeOn {
 }
 
 impl EdgeOn {
-    /// Of the triangle whose corners are given as seen from the point.
-    fn new(corners: [DVec3; 3]) -> Self {
+    /// Of the triangle whose corners are given as seen from the point. `None` where the foot of the point is in the triangle, as it can be where
+    /// that is a needle: then the angles φ sum to 2 π.
+    fn new(corners: [DVec3; 3]) -> Option<Self> {
         let doubled = (corners[1] - corners[0]).cross(corners[2] - corners[0]);
         let doubled_area = doubled.length();
         let normal = doubled / doubled_area;
@@ -335,12 +339,15 @@ impl EdgeOn {
             in_plane += outward * ratio;
             along_normal += 0.5 * rise;
         }
+        if offsets.iter().all(|a| *a >= 0.0) {
+            return None;
+        }
         let factor = |corner: usize| {
             let opposite = (corner + 1) % 3;
             let both = offsets[opposite] * along_normal + 0.5 * across[opposite].dot(in_plane);
             lengths[opposite] * both / doubled_area
         };
-        Self { normal, height, factors: [0, 1, 2].map(factor) }
+        Some(Self { normal, height, factors: [0, 1, 2].map(factor) })
     }
 
     /// The weights.
@@ -349,8 +356,8 @@ impl EdgeOn {
     }
 
     /// The weights and their derivatives by the point.
-    fn weights_with_slopes(corners: [DVec3; 3]) -> ([f64; 3], [DVec3; 3]) {
-        let this = Self::new(corners);
+    fn weights_with_slopes(corners: [DVec3; 3]) -> Option<([f64; 3], [DVec3; 3])> {
+        let this = Self::new(corners)?;
         let nearest = closest_on_triangle(DVec3::ZERO, corners);
         let nearest: DVec3 = corners.iter().zip(nearest).map(|(corner, b)| *corner * b).sum();
         let step = STEP * nearest.length();
@@ -358,12 +365,12 @@ impl EdgeOn {
         for axis in DVec3::AXES {
             // The point goes forward where the corners go back.
             let by = axis * step;
-            let (after, before) = (Self::new(corners.map(|c| c - by)), Self::new(corners.map(|c| c + by)));
+            let (after, before) = (Self::new(corners.map(|c| c - by))?, Self::new(corners.map(|c| c + by))?);
             for (i, slope) in slopes.iter_mut().enumerate() {
                 *slope += axis * (this.height * (after.factors[i] - before.factors[i]) / (2.0 * step));
             }
         }
-        (this.weights(), slopes)
+        Some((this.weights(), slopes))
     }
 }
 
@@ -423,9 +430,9 @@ mod tests {
             DVec3::new(0.9, 0.9, 0.0),
         ] {
             let corners = |h: f64| [DVec3::ZERO, DVec3::X, DVec3::Y].map(|v| v - foot + DVec3::Z * h);
-            let beside = EdgeOn::new(corners(1e-9)).factors;
+            let beside = EdgeOn::new(corners(1e-9)).unwrap().factors;
             for h in [-0.3, 0.3, 1e-2, -1e-3, 1e-6, 1e-9, 0.0] {
-                let this = EdgeOn::new(corners(h));
+                let this = EdgeOn::new(corners(h)).unwrap();
                 let (found, expected) = (this.weights(), integrated(corners(h)));
                 assert!(
                     found.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 2e-13 * b.abs()),
@@ -434,7 +441,7 @@ mod tests {
                 if h.abs() <= 1e-6 {
                     assert!(this.factors.iter().zip(beside).all(|(a, b)| (a - b).abs() <= 1e-10 * b.abs()));
                 }
-                let (_, slopes) = EdgeOn::weights_with_slopes(corners(h));
+                let (_, slopes) = EdgeOn::weights_with_slopes(corners(h)).unwrap();
                 for (axis, by) in DVec3::AXES.into_iter().map(|axis| axis * 1e-4).enumerate() {
                     let at = |k: f64| integrated(corners(h).map(|c| c - by * k));
                     let [far, near] = [2.0, 1.0].map(|k| (at(k), at(-k)));
@@ -444,6 +451,31 @@ mod tests {
                     }
                 }
             }
+        }
+    }
+
+    /// A needle is seen under a small determinant from above, too.
+    #[test]
+    fn needles_are_no_planes_seen_from_their_side() {
+        let corners = [DVec3::new(-0.5, -1e-4, 0.7), DVec3::new(0.5, -1e-4, 0.7), DVec3::new(0.1, 3e-4, 0.7)];
+        assert!(EdgeOn::new(corners).is_none());
+        let (found, expected) = (weights_with_slopes(corners).0, integrated(corners));
+        assert!(found.iter().zip(expected).all(|(a, b)| (a - b).abs() <= 1e-12), "{found:?} {expected:?}");
+        let cage = sphere();
+        let mut points = cage.vertices().to_vec();
+        points.extend([
+            DVec3::new(-0.5, -1e-4, 3.0),
+            DVec3::new(0.5, -1e-4, 3.0),
+            DVec3::new(0.1, 3e-4, 3.0),
+            DVec3::new(0.1, 0.0, 2.9),
+        ]);
+        let n = cage.vertices().len() as u32;
+        let mut faces = cage.triangles().to_vec();
+        faces.extend([[n, n + 1, n + 2], [n + 1, n, n + 3], [n + 2, n + 1, n + 3], [n, n + 2, n + 3]]);
+        let cage = Cage::new(crate::Mesh::new(points, faces.into()).unwrap()).unwrap();
+        for p in [DVec3::new(0.1, 0.0, 0.2), DVec3::new(0.05, 1e-5, 2.0)] {
+            let row = &coordinates(&cage, &[p])[0];
+            assert!(error(&cage, row, p) <= 1e-13, "{}", error(&cage, row, p));
         }
     }
 

@@ -186,11 +186,11 @@ mod written {
             ("\"some\"", "`some` selects no control points"),
             (
                 "3",
-                "invalid type: integer `3`, expected a selector: \"all\" or a table with i, j, k, list, box or sphere",
+                "invalid type: integer `3`, expected a selector: \"all\" or a table with i, j, k, list, vertices, box or sphere",
             ),
             ("{ }", "this one has none of them"),
             ("{ k = 0, list = [[0, 0, 0]] }", "this one has k, list"),
-            ("{ kk = 0 }", "unknown field `kk`, expected one of `i`, `j`, `k`, `list`, `box`, `sphere`"),
+            ("{ kk = 0 }", "unknown field `kk`, expected one of `i`, `j`, `k`, `list`, `vertices`, `box`, `sphere`"),
             ("{ k = -1 }", "invalid value: integer `-1`, expected an index (0 or more) or a list of them"),
             ("{ k = 0.5 }", "invalid type: floating point `0.5`, expected an index (0 or more) or a list of them"),
             ("{ k = [0, -2] }", "invalid value: integer `-2`, expected usize"),
