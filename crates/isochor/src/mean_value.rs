@@ -84,6 +84,34 @@ pub(crate) fn cross<S: Simd>(a: Vector<S>, b: Vector<S>) -> Vector<S> {
     [a[1] * b[2] - a[2] * b[1], a[2] * b[0] - a[0] * b[2], a[0] * b[1] - a[1] * b[0]]
 }
 
+#[inline(always)]
+fn sum<S: Simd>(a: Vector<S>, b: Vector<S>) -> Vector<S> {
+    [a[0] + b[0], a[1] + b[1], a[2] + b[2]]
+}
+
+#[inline(always)]
+fn scaled<S: Simd>(a: Vector<S>, by: f64x4<S>) -> Vector<S> {
+    [a[0] * by, a[1] * by, a[2] * by]
+}
+
+/// From the points, whose coordinates are given, to a vertex.
+#[inline(always)]
+pub(crate) fn towards<S: Simd>(simd: S, v: DVec3, from: Vector<S>) -> Vector<S> {
+    [f64x4::splat(simd, v.x) - from[0], f64x4::splat(simd, v.y) - from[1], f64x4::splat(simd, v.z) - from[2]]
+}
+
+/// The coordinates of four points, of which the last stands in for those that are not there.
+#[inline(always)]
+pub(crate) fn places<S: Simd>(simd: S, points: &[DVec3]) -> Vector<S> {
+    let of = |lane: usize| points[lane.min(points.len() - 1)];
+    let [a, b, c, d] = [of(0), of(1), of(2), of(3)];
+    [
+        f64x4::from_slice(simd, &[a.x, b.x, c.x, d.x]),
+        f64x4::from_slice(simd, &[a.y, b.y, c.y, d.y]),
+        f64x4::from_slice(simd, &[a.z, b.z, c.z, d.z]),
+    ]
+}
+
 /// An edge as the points see it.
 #[derive(Clone, Copy)]
 struct Edge<S: Simd> {
@@ -96,23 +124,23 @@ struct Edge<S: Simd> {
 #[inline(always)]
 fn fill<S: Simd>(simd: S, cage: &Cage, points: &[DVec3], stride: usize, out: &mut [f64]) {
     let zero = f64x4::splat(simd, 0.0);
-    let one = f64x4::splat(simd, 1.0);
+    let (half, one) = (f64x4::splat(simd, 0.5), f64x4::splat(simd, 1.0));
     let vertices = cage.vertices();
     let mut unit = vec![[zero; 3]; vertices.len()];
     let mut distance = vec![zero; vertices.len()];
     let mut edges = vec![Edge { cross: [zero; 3], ratio: zero }; cage.edges().len()];
     let mut weights = vec![zero; vertices.len()];
     for (points, out) in points.chunks(LANES).zip(out.chunks_mut(LANES * stride)) {
-        let of = |lane: usize| points[lane.min(points.len() - 1)];
-        let place: Vector<S> = [0, 1, 2].map(|x| f64x4::from_slice(simd, &[0, 1, 2, 3].map(|lane| of(lane)[x])));
+        // No closures with lanes: they would not be compiled for the processor at hand.
+        let place = places(simd, points);
         // Whether each point may be on the cage.
         let mut is_grazing = [false; LANES];
         let mut note = |mask: [bool; LANES]| is_grazing.iter_mut().zip(mask).for_each(|(is, it)| *is |= it);
         let least = f64x4::splat(simd, GRAZING * cage.extent());
         for ((v, unit), distance) in vertices.iter().zip(&mut unit).zip(&mut distance) {
-            let to: Vector<S> = [0, 1, 2].map(|x| f64x4::splat(simd, v[x]) - place[x]);
+            let to = towards(simd, *v, place);
             *distance = dot(to, to).sqrt();
-            *unit = to.map(|x| x / *distance);
+            *unit = scaled(to, one / *distance);
             if distance.simd_le(least).any_true() {
                 note(lanes_of(*distance).map(|d| d <= GRAZING * cage.extent()));
             }
@@ -133,14 +161,11 @@ fn fill<S: Simd>(simd: S, cage: &Cage, points: &[DVec3], stride: usize, out: &mu
         weights.fill(zero);
         let mut edge_on: Vec<(usize, usize)> = Vec::new(); // lane and triangle
         for (t, (corners, sides)) in cage.triangles().iter().zip(cage.sides()).enumerate() {
-            let sides = sides.map(|side| seen(&edges, side));
-            let m: Vector<S> = [0, 1, 2].map(|x| {
-                (sides[0].cross[x] * sides[0].ratio
-                    + sides[1].cross[x] * sides[1].ratio
-                    + sides[2].cross[x] * sides[2].ratio)
-                    * 0.5
-            });
-            let unit = corners.map(|v| unit[v as usize]);
+            let sides = [seen(&edges, sides[0]), seen(&edges, sides[1]), seen(&edges, sides[2])];
+            let m = sum(sum(weighted(&sides[0]), weighted(&sides[1])), weighted(&sides[2]));
+            let m = scaled(m, half);
+            let [i, j, k] = *corners;
+            let unit = [unit[i as usize], unit[j as usize], unit[k as usize]];
             let determinant = dot(unit[0], sides[1].cross);
             // The longest of its squared sides, as seen.
             let cosine = dot(unit[0], unit[1]).min(dot(unit[1], unit[2])).min(dot(unit[2], unit[0]));
@@ -178,7 +203,9 @@ fn fill<S: Simd>(simd: S, cage: &Cage, points: &[DVec3], stride: usize, out: &mu
                 corners.iter().zip(on_cage).for_each(|(v, w)| row[*v as usize] = w);
                 continue;
             }
-            row.iter_mut().zip(&weights).for_each(|(to, w)| *to = lanes_of(*w)[i]);
+            for (to, w) in row.iter_mut().zip(&weights) {
+                *to = lanes_of(*w)[i];
+            }
             for (_, t) in edge_on.iter().filter(|(lane, _)| *lane == i) {
                 let corners = cage.corners(*t).map(|v| v - *point);
                 let weights =
@@ -200,7 +227,14 @@ fn lanes_of<S: Simd>(x: f64x4<S>) -> [f64; LANES] {
 #[inline(always)]
 fn seen<S: Simd>(edges: &[Edge<S>], side: Side) -> Edge<S> {
     let edge = edges[side.edge as usize];
-    if side.is_backward { Edge { cross: edge.cross.map(|x| -x), ..edge } } else { edge }
+    let [x, y, z] = edge.cross;
+    if side.is_backward { Edge { cross: [-x, -y, -z], ..edge } } else { edge }
+}
+
+/// What a side adds to 2 m.
+#[inline(always)]
+fn weighted<S: Simd>(side: &Edge<S>) -> Vector<S> {
+    scaled(side.cross, side.ratio)
 }
 
 /// The corners of the triangle on which a point lies, up to [`tolerances::ON_CAGE`] of the cage's extent, with its barycentric coordinates.

@@ -9,7 +9,7 @@ use glam::DVec3;
 
 use crate::cage::Cage;
 use crate::elementary;
-use crate::mean_value::{cross, dot};
+use crate::mean_value::{cross, dot, places, towards};
 use crate::parallel;
 
 /// Points that are taken at a time.
@@ -32,14 +32,14 @@ fn fill<S: Simd>(simd: S, cage: &Cage, points: &[DVec3], numbers: &mut [f64]) {
     let zero = f64x4::splat(simd, 0.0);
     let mut corners = vec![([zero; 3], zero); cage.vertices().len()];
     for (points, numbers) in points.chunks(LANES).zip(numbers.chunks_mut(LANES)) {
-        let of = |lane: usize| points[lane.min(points.len() - 1)];
-        let place = [0, 1, 2].map(|x| f64x4::from_slice(simd, &[0, 1, 2, 3].map(|lane| of(lane)[x])));
+        let place = places(simd, points);
         for (corner, v) in corners.iter_mut().zip(cage.vertices()) {
-            let to = [0, 1, 2].map(|x| f64x4::splat(simd, v[x]) - place[x]);
+            let to = towards(simd, *v, place);
             *corner = (to, dot(to, to).sqrt());
         }
         let mut sum = zero;
-        for [(a, la), (b, lb), (c, lc)] in cage.triangles().iter().map(|t| t.map(|v| corners[v as usize])) {
+        for [i, j, k] in cage.triangles() {
+            let [(a, la), (b, lb), (c, lc)] = [corners[*i as usize], corners[*j as usize], corners[*k as usize]];
             let denominator = la * lb * lc + dot(a, b) * lc + dot(b, c) * la + dot(c, a) * lb;
             sum += elementary::atan2(simd, dot(a, cross(b, c)), denominator); // half of the angle
         }
