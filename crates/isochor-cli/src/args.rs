@@ -467,6 +467,8 @@ pub enum ObjectiveArg {
     Edges,
     /// The bending of the lattice.
     Bending,
+    /// Local stress at points in the cage.
+    Stress,
 }
 
 #[derive(Clone, Copy, Debug, ValueEnum)]

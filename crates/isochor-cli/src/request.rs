@@ -397,6 +397,7 @@ fn apply_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
         Some(ObjectiveArg::Surface) => preserve.objective = Objective::Surface,
         Some(ObjectiveArg::Edges) => preserve.objective = Objective::Edges,
         Some(ObjectiveArg::Bending) => preserve.objective = Objective::Bending,
+        Some(ObjectiveArg::Stress) => preserve.objective = Objective::Stress,
         None => {}
     }
     if let Some(text) = &args.shares {

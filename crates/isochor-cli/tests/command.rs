@@ -315,6 +315,34 @@ fn cages_deform_models_at_constant_volume() {
     assert!(!folder.path("no.ply").exists());
 }
 
+/// A film from rest to the posed cage, and the pose again by least stress.
+#[test]
+fn cages_go_to_their_pose_in_films_and_are_completed_by_least_stress() {
+    let folder = Folder::new();
+    write_cages(&folder);
+    folder.report("shape:ball -o rest.ply");
+    folder.report("shape:ball -o posed.ply --cage cage.obj:posed=\"posed.obj\"");
+    let film = "frames = 3\nmodel = \"shape:ball\"\noutput = \"film.ply\"\n[cage]\nfile = \"cage.obj\"\nposed = \"posed.obj\"\n\
+                blend = { keys = [[0, 0], [1, 1]] }\n[view]\nfilm = false";
+    folder.write("film.toml", film);
+    let report = folder.report("--job film.toml");
+    let frames = report["frames"].as_array().unwrap();
+    assert!(frames.iter().all(|frame| relative_error(frame) <= 1e-13), "{report}");
+    assert_eq!(folder.points("film-0001.ply"), folder.points("rest.ply"));
+    assert_eq!(folder.points("film-0003.ply"), folder.points("posed.ply"));
+    assert!(farthest(&folder.points("film-0002.ply"), &folder.points("rest.ply")) > 0.05);
+    let ran = folder.isochor("deform shape:ball -o no.ply --cage cage.obj:blend=0.5");
+    assert!(ran.code == Some(2) && ran.stderr.contains("name one with cage.posed"), "{}", ran.stderr);
+    let keys = "posed=\"posed.obj\",free={vertices=[0,1,2]},witnesses=50";
+    let report = folder.report(&format!("shape:ball -o least.ply --cage cage.obj:{keys} --objective stress"));
+    assert!(relative_error(&report) <= 1e-13, "{report}");
+    assert_eq!(report["correction"]["objective"], "stress");
+    let least = &report["cage"]["least_stress"];
+    assert_eq!((&least["free"], &least["is_settled"]), (&3.into(), &true.into()), "{report}");
+    let [motion, stress] = [0, 1].map(|k| least["mean_squared_sine"][k].as_f64().unwrap());
+    assert!(stress < motion && least["witnesses"].as_u64().unwrap() >= 50, "{report}");
+}
+
 #[test]
 fn slides_and_handles_move_vertices_of_cages() {
     let folder = Folder::new();

@@ -31,10 +31,11 @@ const LATTICE: Rgb = [46, 62, 92];
 pub(crate) const CONTROLS: Rgb = [28, 64, 140];
 pub(crate) const HELD: Rgb = [247, 170, 30];
 
-/// Width of lattice lines, springs, control points, and nodes with springs, in pixels of a panel of [`REFERENCE`] pixels. Larger: they cover the
+/// Width of lattice lines, springs, lines of drag planes, control points, and nodes with springs, in pixels of a panel of [`REFERENCE`] pixels. Larger: they cover the
 /// model; smaller: they vanish, or one cannot see which nodes are held.
 const LINE_WIDTH: f64 = 1.0;
 const SPRING_WIDTH: f64 = 0.7;
+const PLANE_WIDTH: f64 = 1.5;
 const DOT_WIDTH: f64 = 4.2;
 const NODE_WIDTH: f64 = 5.6;
 const REFERENCE: f64 = 480.0;
@@ -44,7 +45,7 @@ const REFERENCE: f64 = 480.0;
 const ROOMY: f64 = 10.0;
 
 /// Strength of lattice lines and control points, nearest and farthest: what is far away is paler. Larger: they cover
-/// the model; smaller: they vanish. Springs are many.
+/// the model; smaller: they vanish. Springs are many, drag planes few: these have the strength of control points.
 const LINE_STRENGTHS: [f64; 2] = [0.58, 0.26];
 const SPRING_STRENGTHS: [f64; 2] = [0.42, 0.16];
 const DOT_STRENGTHS: [f64; 2] = [0.95, 0.55];
@@ -183,7 +184,7 @@ impl Panel<'_> {
             let planes = lattice.planes.iter().flat_map(|plane| plane_lines(plane, PLANE * extent(&lattice.controls)));
             let planes = planes.filter_map(|ends| {
                 let ends = ends.map(|p| self.camera.seen(p));
-                Stroke::line(screen, ends, zoom * SPRING_WIDTH, strength(LINE_STRENGTHS, (ends[0] + ends[1]) / 2.0))
+                Stroke::line(screen, ends, zoom * PLANE_WIDTH, strength(DOT_STRENGTHS, (ends[0] + ends[1]) / 2.0))
             });
             return Strokes {
                 lines: net.ends.iter().filter_map(spring).chain(planes).collect(),

@@ -18,10 +18,10 @@ use glam::{DMat3, DMat4, DVec3};
 
 use crate::binding::{Binding, displaced};
 use crate::cage::Cage;
-use crate::green::{fill_green, green_jacobians, pulled_back, stretched_normals};
+use crate::green::{fill_green, green_gradients, green_jacobians, pulled_back, stretched_normals};
 use crate::harmonic::{Harmonic, HarmonicError, HarmonicOptions, HarmonicReport};
 use crate::lattice::Outside;
-use crate::mean_value::{fill_mean_value, mean_value_jacobians};
+use crate::mean_value::{fill_mean_value, fill_mean_value_gradients, jacobian_of, mean_value_jacobians};
 use crate::parallel;
 use crate::stored::Stored;
 use crate::tolerances;
@@ -149,6 +149,9 @@ pub enum CageBindingError {
     },
 }
 
+/// Points per chunk whose derivatives are taken. More: threads wait for one another; fewer: chunks cost more than points.
+const GRADIENTS: usize = 64;
+
 /// A model bound to a cage.
 #[derive(Clone, Debug)]
 pub struct CageBinding {
@@ -156,7 +159,8 @@ pub struct CageBinding {
     options: CageOptions,
     binding: Binding,
     report: CageReport,
-    harmonic: OnceLock<Option<Arc<Harmonic>>>,
+    /// The grid of harmonic coordinates, once it is known.
+    harmonic: OnceLock<Arc<Harmonic>>,
 }
 
 impl Cage {
@@ -179,6 +183,13 @@ impl Cage {
             suspects[range].iter().map(|i| (*i, self.distance(points[*i]))).collect::<Vec<_>>()
         });
         distances.into_iter().flatten().filter(|(_, distance)| *distance > slack).collect()
+    }
+
+    /// Whether each of `points` is outside.
+    pub(crate) fn are_outside(&self, points: &[DVec3]) -> Vec<bool> {
+        let mut are_outside = vec![false; points.len()];
+        self.outside(points).into_iter().for_each(|(i, _)| are_outside[i] = true);
+        are_outside
     }
 }
 
@@ -280,7 +291,7 @@ impl CageBinding {
             harmonic: harmonic.as_ref().map(|h| h.report().clone()),
         };
         let known = OnceLock::new();
-        if harmonic.is_some() {
+        if let Some(harmonic) = harmonic {
             let _ = known.set(harmonic); // it is new, so nothing was set
         }
         Ok(Self { cage, options: options.clone(), binding, report, harmonic: known })
@@ -336,8 +347,11 @@ impl CageBinding {
     /// Panics where `posed` does not have one entry per vertex of the cage.
     #[must_use]
     pub fn displacement(&self, posed: &[DVec3]) -> Vec<DVec3> {
-        let of = |positions: &[DVec3]| with_normals(&self.cage, positions, self.coordinates());
-        of(posed).iter().zip(of(self.cage.vertices())).map(|(posed, rest)| *posed - rest).collect()
+        self.controls(posed)
+            .iter()
+            .zip(self.controls(self.cage.vertices()))
+            .map(|(posed, rest)| *posed - rest)
+            .collect()
     }
 
     /// The posed points P for the cage's vertices at `posed`, of the points at rest that were bound. Where the cage is at rest they keep their
@@ -394,25 +408,67 @@ impl CageBinding {
     }
 
     fn harmonic_jacobians(&self, points: &[DVec3], posed: &[DVec3]) -> Result<Vec<DMat3>, CageBindingError> {
-        if self.harmonic.get().is_none() {
-            let harmonic = harmonic_of(&self.cage, &self.options)?;
-            let _ = self.harmonic.set(Some(Arc::new(harmonic))); // another thread may have been first: with the same
-        }
-        let harmonic = self.harmonic.get().and_then(Option::as_ref);
-        let parts = parallel::map_chunks(points.len(), 64, |range| {
-            let mut slopes = vec![DVec3::ZERO; posed.len()];
+        let harmonic = self.harmonic()?;
+        let parts = parallel::map_chunks(points.len(), GRADIENTS, |range| {
+            let mut gradients = vec![DVec3::ZERO; posed.len()];
             let jacobian = |point: &DVec3| {
-                let point = self.cage.beside(*point);
-                if !harmonic.is_some_and(|harmonic| harmonic.fill_gradient(point, &mut slopes)) {
-                    return mean_value_jacobians(&self.cage, &[point], posed)[0];
-                }
-                slopes.iter().zip(posed).fold(DMat3::ZERO, |sum, (slope, c)| {
-                    sum + DMat3::from_cols(*c * slope.x, *c * slope.y, *c * slope.z)
-                })
+                self.fill_harmonic_gradients(harmonic, *point, &mut gradients);
+                jacobian_of(&gradients, posed)
             };
             points[range].iter().map(jacobian).collect::<Vec<_>>()
         });
         Ok(parts.concat())
+    }
+
+    /// ∇α on the grid, outside those of mean value coordinates (#vertices of the cage).
+    fn fill_harmonic_gradients(&self, harmonic: &Harmonic, point: DVec3, gradients: &mut [DVec3]) {
+        let point = self.cage.beside(point);
+        if !harmonic.fill_gradient(point, gradients) {
+            fill_mean_value_gradients(&self.cage, point, gradients);
+        }
+    }
+
+    /// The grid of harmonic coordinates.
+    fn harmonic(&self) -> Result<&Harmonic, CageBindingError> {
+        if let Some(harmonic) = self.harmonic.get() {
+            return Ok(harmonic);
+        }
+        let harmonic = harmonic_of(&self.cage, &self.options)?;
+        Ok(self.harmonic.get_or_init(|| Arc::new(harmonic))) // another thread may have been first: with the same
+    }
+
+    /// Gradients of the coordinates by the place, ∇α of each control at each point (#points × #controls): with them a Jacobian matrix is
+    /// `Σ E(C) ⊗ ∇α`. Places as in [`CageBinding::jacobians`].
+    ///
+    /// # Errors
+    ///
+    /// As [`CageBinding::jacobians`].
+    pub(crate) fn gradients_of_coordinates(&self, points: &[DVec3]) -> Result<Vec<DVec3>, CageBindingError> {
+        let columns = controls(&self.cage, self.coordinates());
+        let filled = |fill: &(dyn Fn(DVec3, &mut [DVec3]) + Sync)| {
+            let mut gradients = vec![DVec3::ZERO; points.len() * columns];
+            parallel::for_each_chunk(&mut gradients, GRADIENTS * columns, |first, rows| {
+                points[first / columns..].iter().zip(rows.chunks_mut(columns)).for_each(|(p, row)| fill(*p, row));
+            });
+            gradients
+        };
+        Ok(match self.coordinates() {
+            Coordinates::MeanValue => filled(&|p, row| fill_mean_value_gradients(&self.cage, self.cage.beside(p), row)),
+            Coordinates::Green => green_gradients(&self.cage, points),
+            Coordinates::Harmonic => {
+                let harmonic = self.harmonic()?;
+                filled(&|p, row| self.fill_harmonic_gradients(harmonic, p, row))
+            }
+            Coordinates::Tetrahedral => {
+                let inverse = tetrahedron(&self.cage)?;
+                filled(&|_, row| row.iter_mut().enumerate().for_each(|(i, g)| *g = inverse.row(i).truncate()))
+            }
+        })
+    }
+
+    /// E(C): the cage's vertices at `posed` (#vertices × 3), with Green coordinates followed by its stretched normals.
+    pub(crate) fn controls(&self, posed: &[DVec3]) -> Vec<DVec3> {
+        with_normals(&self.cage, posed, self.coordinates())
     }
 }
 

@@ -18,6 +18,8 @@ pub struct CageRequest {
     pub file: Option<PathBuf>,
     /// The posed cage: a mesh with the same vertices in the same order, or CageModeler's moves of handles (`.param`).
     pub posed: Option<PathBuf>,
+    /// How far the cage goes from rest (0) to the posed cage (1, the default): any number.
+    pub blend: Option<f64>,
     /// The coordinates.
     pub coordinates: Coordinates,
     /// What happens to vertices outside; by default they follow the cage, too ("extend").
@@ -32,8 +34,25 @@ pub struct CageRequest {
     pub save_weights: Option<PathBuf>,
     /// The vertices of the cage that restore the volume; the others stay where the edits put them. By default all do, as `preserve.pin` allows.
     pub free: Option<Selector>,
+    /// Where local stress is measured that the objective "stress" makes small; by default at [`WitnessPoints::DEFAULT`] or more points inside the model.
+    pub witnesses: Option<WitnessPoints>,
     /// Vertices of the cage whose drag planes are reported and drawn.
     pub planes: Option<Selector>,
+}
+
+/// Where local stress is measured.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(untagged))]
+pub enum WitnessPoints {
+    /// At this number of points inside the model at rest, or a few more: those of a grid.
+    Number(usize),
+    /// At these points inside the cage at rest, model coordinates.
+    Places(Vec<DVec3>),
+}
+
+impl WitnessPoints {
+    /// How many where a request says nothing. More: time; fewer: parts of the model without any.
+    pub const DEFAULT: usize = 256;
 }
 
 impl CageRequest {

@@ -157,12 +157,9 @@ impl Controls {
             ));
         }
         let rest = cage.vertices().to_vec();
-        let posed =
-            input.posed.as_ref().map_or_else(|| rest.clone(), |posed| posed.iter().map(|p| *p - origin).collect());
-        let file = PosedCage {
-            mesh: input.mesh.clone(),
-            posed: input.posed.clone().unwrap_or_else(|| input.mesh.points().to_vec()),
-        };
+        let in_file = blended(input.mesh.points(), input.posed.as_deref(), request.blend)?;
+        let posed = in_file.iter().map(|p| *p - origin).collect();
+        let file = PosedCage { mesh: input.mesh.clone(), posed: in_file };
         Ok(Self {
             deformer: Deformer::Cage(Arc::new(bound)),
             rest,
@@ -330,4 +327,16 @@ fn bases(request: &LatticeRequest, warnings: &mut Vec<String>) -> Result<[Basis;
         bases.push(basis.map_err(|source: BasisError| LatticeError::Basis { axis, source })?);
     }
     Ok(bases.try_into().expect("three axes"))
+}
+
+/// The vertices of a cage so far on their way from rest to their pose (each #vertices × 3).
+fn blended(rest: &[DVec3], posed: Option<&[DVec3]>, blend: Option<f64>) -> Result<Vec<DVec3>, JobError> {
+    let refused = |problem: String| Err(JobError::Value { key: "cage.blend", problem });
+    match (posed, blend) {
+        (None, Some(_)) => refused("is a part of the way to a posed cage: name one with cage.posed".into()),
+        (_, Some(blend)) if !blend.is_finite() => refused(format!("is {blend}: it must be finite")),
+        (None, None) => Ok(rest.to_vec()),
+        (Some(posed), None | Some(1.0)) => Ok(posed.to_vec()),
+        (Some(posed), Some(blend)) => Ok(rest.iter().zip(posed).map(|(r, p)| *r + (*p - *r) * blend).collect()),
+    }
 }

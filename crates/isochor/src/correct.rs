@@ -559,31 +559,21 @@ impl<'a> Corrector<'a> {
         Ok(Solved { problem, start, end, trace, residual, has_moved: !is_met })
     }
 
+    /// Controls of the binding.
+    pub(crate) fn control_count(&self) -> usize {
+        self.binding.control_count()
+    }
+
     /// Components of the body.
     pub(crate) fn component_count(&self) -> usize {
         self.solid.component_count()
-    }
-
-    /// Whether points follow controls that exist, with numbers that are finite.
-    pub(crate) fn check_points(&self, points: &[PointTarget]) -> Result<(), CorrectError> {
-        let controls = self.binding.control_count();
-        for (point, PointTarget { weights, position, target }) in points.iter().enumerate() {
-            if let Some((control, _)) = weights.iter().find(|(control, _)| *control >= controls) {
-                let what = format!("it follows control {control} of {controls}");
-                return Err(CorrectError::Point { point, what });
-            }
-            if !(position.is_finite() && target.is_finite() && weights.iter().all(|(_, w)| w.is_finite())) {
-                return Err(CorrectError::Point { point, what: "its numbers must be finite".into() });
-            }
-        }
-        Ok(())
     }
 
     /// The checked request.
     pub(crate) fn problem<'b>(&'b self, posed: &[DVec3], wanted: &'b Wanted) -> Result<Problem<'b>, CorrectError> {
         let (solid, binding) = (&*self.solid, &*self.binding);
         length("the posed vertices", posed.len(), solid.vertex_count())?;
-        self.check_points(&wanted.points)?;
+        check_points(&wanted.points, binding.control_count())?;
         let order = self.order.as_ref();
         let vertex = |i: usize| order.map_or(i, |order| order.vertices[i] as usize);
         let mut near = self.spare.array();
@@ -611,18 +601,7 @@ impl<'a> Corrector<'a> {
             None => (solid.volumes(&posed), None),
         };
         let posed = Arc::new(posed);
-        let goals = goals.map_err(|fault| match fault {
-            GoalFault::Missing { goal, component } => {
-                CorrectError::MissingComponent { goal, component, components: solid.component_count() }
-            }
-            GoalFault::Target { goal } => CorrectError::Target { target: wanted.volumes[goal].volume },
-            GoalFault::Components { goal } => CorrectError::Components { goal },
-            GoalFault::Contradiction { goal, follows } => {
-                let target = wanted.volumes[goal].volume;
-                let volume = wanted.volumes[goal].of(&volumes);
-                CorrectError::Impossible { goal: Some(goal), target, volume, reason: Reason::Follows { follows } }
-            }
-        })?;
+        let goals = goals.map_err(|fault| of_fault(fault, &wanted.volumes, &volumes))?;
         let goals = goals.of(solid);
         let points = &wanted.points[..];
         let rows = (!points.is_empty()).then(|| PointRows::new(points, &self.metric));
@@ -643,6 +622,36 @@ impl<'a> Corrector<'a> {
             tilt: None,
             spare: self.spare.clone(),
         })
+    }
+}
+
+/// Whether points follow controls that exist, with numbers that are finite.
+pub(crate) fn check_points(points: &[PointTarget], controls: usize) -> Result<(), CorrectError> {
+    for (point, PointTarget { weights, position, target }) in points.iter().enumerate() {
+        if let Some((control, _)) = weights.iter().find(|(control, _)| *control >= controls) {
+            let what = format!("it follows control {control} of {controls}");
+            return Err(CorrectError::Point { point, what });
+        }
+        if !(position.is_finite() && target.is_finite() && weights.iter().all(|(_, w)| w.is_finite())) {
+            return Err(CorrectError::Point { point, what: "its numbers must be finite".into() });
+        }
+    }
+    Ok(())
+}
+
+/// Why there is no correction to the volumes `wanted` of a pose that has `volumes`.
+pub(crate) fn of_fault(fault: GoalFault, wanted: &[VolumeGoal], volumes: &Volumes) -> CorrectError {
+    match fault {
+        GoalFault::Missing { goal, component } => {
+            CorrectError::MissingComponent { goal, component, components: volumes.components.len() }
+        }
+        GoalFault::Target { goal } => CorrectError::Target { target: wanted[goal].volume },
+        GoalFault::Components { goal } => CorrectError::Components { goal },
+        GoalFault::Contradiction { goal, follows } => {
+            let VolumeGoal { volume: target, .. } = wanted[goal];
+            let volume = wanted[goal].of(volumes);
+            CorrectError::Impossible { goal: Some(goal), target, volume, reason: Reason::Follows { follows } }
+        }
     }
 }
 

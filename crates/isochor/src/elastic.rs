@@ -34,7 +34,7 @@ use crate::augmented::{self, Augmented, LevelReport};
 use crate::binding::{Binding, translated};
 use crate::block_matrix::{BlockPattern, Neighbours};
 use crate::coarse::Coarse;
-use crate::correct::{CorrectError, CorrectOptions, Correction, Corrector, Method, Wanted};
+use crate::correct::{CorrectError, CorrectOptions, Correction, Corrector, Method, Wanted, check_points};
 use crate::equilibrium::{Conditions, Ended, PointCondition, Pose, Search};
 use crate::goals::{Goals, VolumeGoal};
 use crate::kkt::Kkt;
@@ -447,7 +447,7 @@ impl<'a> Elastic<'a> {
     ///
     /// A request that contradicts itself or is not what can be wanted; volumes of other components, or other moments.
     pub fn set_wanted(&mut self, wanted: ElasticWanted) -> Result<(), ElasticError> {
-        self.corrector.check_points(&wanted.points)?;
+        check_points(&wanted.points, self.corrector.control_count())?;
         let goals = goals_of(&wanted, &self.corrector, || translated(&self.mesh.points, self.origin))?;
         let with_inertia = wanted.moments.is_some_and(|moments| moments.inertia.is_some());
         let moments = wanted.moments.map_or(0, |_| combinations(with_inertia).len());

@@ -8,8 +8,8 @@
 //! volume = { keys = [[0, "100%"], [1, "120%"]] }
 //! ```
 //!
-//! In `[[edit]]`, `[preserve]`, `[surface]` and `[elastic]` a table with `keys` stands for a value that is a function of time: a number, a percentage, or a list
-//! of these of any depth. Between keys (t, a) and (u, b), at a time s,
+//! In `[[edit]]`, `[preserve]`, `[surface]`, `[elastic]` and `[cage]` a table with `keys` stands for a value that is a function of time: a number, a
+//! percentage, or a list of these of any depth. Between keys (t, a) and (u, b), at a time s,
 //!
 //!   (1 − w) a + w b,   w = (s − t)/(u − t) (linear),   w² (3 − 2w) of it (smooth),   0 (step),
 //!
@@ -113,7 +113,11 @@ impl Film {
         };
         for (key, value) in table {
             let key = key.get_ref();
-            reader.find_keys(value, key, matches!(key.as_ref(), "edit" | "preserve" | "surface" | "elastic"))?;
+            reader.find_keys(
+                value,
+                key,
+                matches!(key.as_ref(), "edit" | "preserve" | "surface" | "elastic" | "cage"),
+            )?;
         }
         let Reader { keyed, .. } = &reader;
         if let (1, Some(Keyed { path, span, .. })) = (frames, keyed.first()) {
@@ -270,7 +274,7 @@ impl Reader<'_> {
             DeValue::Table(table) if table.contains_key("keys") => {
                 if !may_have_keys {
                     let what = format!(
-                        "{path} cannot change with time: keys are for values in [[edit]], [preserve], [surface] and [elastic]"
+                        "{path} cannot change with time: keys are for values in [[edit]], [preserve], [surface], [elastic] and [cage]"
                     );
                     return Err(self.error(&what, value.span()));
                 }

@@ -299,37 +299,10 @@ impl<'a> Rest<'a> {
         let zero = f64x4::splat(simd, 0.0);
         let (mut sums, mut winding) = ([zero; 9], zero);
         for (face, posed) in self.faces.iter().zip(posed) {
-            let View { h, angle, distances: d, logarithms: l } = face.view(simd, seen);
+            let Part { angle, jacobian, .. } = face.part(simd, seen, posed);
             winding += angle;
-            // ∇Ω, and ∇∫1/r = n Ω − Σ ν L.
-            let mut of_angle = [zero; 3];
-            let n = face.normal.to_array();
-            let mut of_potential = [angle * n[0], angle * n[1], angle * n[2]];
-            for (i, logarithm) in l.iter().enumerate() {
-                let (slopes, across) = (&seen.slopes[face.edges[i]], face.across[i].to_array());
-                for k in 0..3 {
-                    of_angle[k] += f64x4::from_slice(simd, &slopes.angle[k]) * face.directions[i];
-                    of_potential[k] -= *logarithm * across[k];
-                }
-            }
-            // (Γ v′) ⊗ ∇Ω + D Ω + (Σ Dν L) ⊗ n − h Σ Dν ⊗ ∇L + m ⊗ ∇∫1/r
-            for x in 0..3 {
-                let foot = d[0] * (face.slopes[0] * posed.corners[0][x])
-                    + d[1] * (face.slopes[1] * posed.corners[1][x])
-                    + d[2] * (face.slopes[2] * posed.corners[2][x]);
-                let flux = l[0] * posed.across[0][x] + l[1] * posed.across[1][x] + l[2] * posed.across[2][x];
-                for k in 0..3 {
-                    let mut pulled = zero;
-                    for i in 0..3 {
-                        let slope = f64x4::from_slice(simd, &seen.slopes[face.edges[i]].logarithm[k]);
-                        pulled += slope * posed.across[i][x];
-                    }
-                    sums[3 * x + k] += foot * of_angle[k]
-                        + angle * posed.linear.col(k)[x]
-                        + flux * n[k]
-                        + of_potential[k] * posed.stretched[x]
-                        - h * pulled;
-                }
+            for (sum, part) in sums.iter_mut().zip(jacobian) {
+                *sum += part;
             }
         }
         let (mut out, mut windings) = ([[0.0; LANES]; 9], [0.0; LANES]);
@@ -338,6 +311,48 @@ impl<'a> Rest<'a> {
         }
         (winding * (1.0 / FOUR_PI)).store_slice(&mut windings);
         (out, windings)
+    }
+
+    /// ∇φ (#vertices) and ∇ψ (#triangles) of some points away from the cage's edges, one point after the other. `units` are the triangles with
+    /// corners at x, y and z and normals of no length.
+    #[inline(always)]
+    fn gradients<S: Simd>(&self, simd: S, points: &[DVec3], units: &[PosedFace], out: &mut [DVec3]) {
+        let mut seen = Seen::new(self);
+        let (vertices, faces) = (self.cage.vertices().len(), self.faces.len());
+        out.fill(DVec3::ZERO);
+        for (points, rows) in points.chunks(LANES).zip(out.chunks_mut(LANES * (vertices + faces))) {
+            self.see(simd, &padded(points), &mut seen);
+            self.see_slopes(simd, &mut seen);
+            let mut windings = [0.0; LANES];
+            for (t, (face, unit)) in self.faces.iter().zip(units).enumerate() {
+                let Part { angle, jacobian, of_potential } = face.part(simd, &seen, unit);
+                let (mut of_corners, mut of_face, mut seen_angle) =
+                    ([[0.0; LANES]; 9], [[0.0; LANES]; 3], [0.0; LANES]);
+                for (part, out) in jacobian.iter().zip(&mut of_corners) {
+                    (*part * (1.0 / FOUR_PI)).store_slice(out);
+                }
+                for (part, out) in of_potential.iter().zip(&mut of_face) {
+                    (*part * (1.0 / FOUR_PI)).store_slice(out);
+                }
+                (angle * (1.0 / FOUR_PI)).store_slice(&mut seen_angle);
+                for (lane, row) in rows.chunks_mut(vertices + faces).enumerate() {
+                    for (i, v) in face.corners.iter().enumerate() {
+                        row[*v] += DVec3::from_array([0, 1, 2].map(|k| of_corners[3 * i + k][lane]));
+                    }
+                    row[vertices + t] = DVec3::from_array([0, 1, 2].map(|k| of_face[k][lane]));
+                    windings[lane] += seen_angle[lane];
+                }
+            }
+            for ((p, row), winding) in points.iter().zip(rows.chunks_mut(vertices + faces)).zip(windings) {
+                if let Some((missing, t)) = self.missing(*p, winding) {
+                    let face = &self.faces[t];
+                    for (i, v) in face.corners.iter().enumerate() {
+                        row[*v] += missing * units[t].linear.row(i);
+                    }
+                    row[vertices + t] += missing * face.normal;
+                }
+            }
+        }
     }
 }
 
@@ -401,7 +416,55 @@ struct View<S: Simd> {
     logarithms: [f64x4<S>; 3],
 }
 
+/// What a triangle adds to derivatives at four points, times 4 π.
+struct Part<S: Simd> {
+    /// The angle under which it is seen: Ω.
+    angle: f64x4<S>,
+    /// To ∂f_x/∂p_k, entry 3x + k.
+    jacobian: [f64x4<S>; 9],
+    /// ∇∫1/r = n Ω − Σ ν L
+    of_potential: [f64x4<S>; 3],
+}
+
 impl Face {
+    #[inline(always)]
+    fn part<S: Simd>(&self, simd: S, seen: &Seen, posed: &PosedFace) -> Part<S> {
+        let zero = f64x4::splat(simd, 0.0);
+        let View { h, angle, distances: d, logarithms: l } = self.view(simd, seen);
+        // ∇Ω
+        let mut of_angle = [zero; 3];
+        let n = self.normal.to_array();
+        let mut of_potential = [angle * n[0], angle * n[1], angle * n[2]];
+        for (i, logarithm) in l.iter().enumerate() {
+            let (slopes, across) = (&seen.slopes[self.edges[i]], self.across[i].to_array());
+            for k in 0..3 {
+                of_angle[k] += f64x4::from_slice(simd, &slopes.angle[k]) * self.directions[i];
+                of_potential[k] -= *logarithm * across[k];
+            }
+        }
+        // (Γ v′) ⊗ ∇Ω + D Ω + (Σ Dν L) ⊗ n − h Σ Dν ⊗ ∇L + m ⊗ ∇∫1/r
+        let mut jacobian = [zero; 9];
+        for x in 0..3 {
+            let foot = d[0] * (self.slopes[0] * posed.corners[0][x])
+                + d[1] * (self.slopes[1] * posed.corners[1][x])
+                + d[2] * (self.slopes[2] * posed.corners[2][x]);
+            let flux = l[0] * posed.across[0][x] + l[1] * posed.across[1][x] + l[2] * posed.across[2][x];
+            for k in 0..3 {
+                let mut pulled = zero;
+                for i in 0..3 {
+                    let slope = f64x4::from_slice(simd, &seen.slopes[self.edges[i]].logarithm[k]);
+                    pulled += slope * posed.across[i][x];
+                }
+                jacobian[3 * x + k] = foot * of_angle[k]
+                    + angle * posed.linear.col(k)[x]
+                    + flux * n[k]
+                    + of_potential[k] * posed.stretched[x]
+                    - h * pulled;
+            }
+        }
+        Part { angle, jacobian, of_potential }
+    }
+
     #[inline(always)]
     fn view<S: Simd>(&self, simd: S, seen: &Seen) -> View<S> {
         let [i, j, k] = self.corners;
@@ -496,14 +559,29 @@ struct PosedFace {
 /// millionth of the way nearer to its middle, [`BELOW`] of the extent below it.
 pub(crate) fn green_jacobians(cage: &Cage, points: &[DVec3], posed: &[DVec3]) -> Vec<DMat3> {
     let rest = Rest::of(cage);
-    let faces: Vec<PosedFace> =
-        rest.faces.iter().zip(stretched_normals(cage, posed)).map(PosedFace::of(posed)).collect();
+    let of = |(face, stretched): (&Face, DVec3)| PosedFace::of(face, face.corners.map(|v| posed[v]), stretched);
+    let faces: Vec<PosedFace> = rest.faces.iter().zip(stretched_normals(cage, posed)).map(of).collect();
     let level = Level::new();
     let parts = parallel::map_chunks(points.len(), POINTS, |range| {
         let points: Vec<DVec3> = points[range].iter().map(|p| rest.off_the_cage(*p)).collect();
         dispatch!(level, simd => rest.jacobians(simd, &points, &faces))
     });
     parts.concat()
+}
+
+/// ∇φ (#vertices) and ∇ψ (#triangles) at each point (#points × (#vertices + #triangles)), where [`green_jacobians`] has them.
+pub(crate) fn green_gradients(cage: &Cage, points: &[DVec3]) -> Vec<DVec3> {
+    let rest = Rest::of(cage);
+    let units: Vec<PosedFace> = rest.faces.iter().map(|face| PosedFace::of(face, DVec3::AXES, DVec3::ZERO)).collect();
+    let level = Level::new();
+    let columns = cage.vertices().len() + rest.faces.len();
+    let mut gradients = vec![DVec3::ZERO; points.len() * columns];
+    parallel::for_each_chunk(&mut gradients, POINTS * columns, |first, rows| {
+        let points = &points[first / columns..][..rows.len() / columns];
+        let points: Vec<DVec3> = points.iter().map(|p| rest.off_the_cage(*p)).collect();
+        dispatch!(level, simd => rest.gradients(simd, &points, &units, rows))
+    });
+    gradients
 }
 
 /// Points nearer to the cage have the Jacobian matrix of a point beside them; relative to its extent. Larger: the matrix is of elsewhere; smaller: it loses digits,
@@ -529,12 +607,9 @@ impl Rest<'_> {
 }
 
 impl PosedFace {
-    fn of(posed: &[DVec3]) -> impl Fn((&Face, DVec3)) -> Self + '_ {
-        |(face, stretched)| {
-            let corners = face.corners.map(|v| posed[v]);
-            let linear = (0..3).map(|i| outer(corners[i] - corners[0], -face.slopes[i] * face.across[i])).sum();
-            Self { corners, stretched, linear, across: face.across.map(|across| linear * across) }
-        }
+    fn of(face: &Face, corners: [DVec3; 3], stretched: DVec3) -> Self {
+        let linear = (0..3).map(|i| outer(corners[i] - corners[0], -face.slopes[i] * face.across[i])).sum();
+        Self { corners, stretched, linear, across: face.across.map(|across| linear * across) }
     }
 }
 

@@ -327,6 +327,8 @@ pub enum Objective {
     Edges,
     /// The squared second differences of the displacement.
     Bending,
+    /// Local stress at witness points of a cage.
+    Stress,
 }
 
 impl Objective {
@@ -338,6 +340,7 @@ impl Objective {
             Self::Surface => "surface",
             Self::Edges => "edges",
             Self::Bending => "bending",
+            Self::Stress => "stress",
         }
     }
 }

@@ -50,33 +50,11 @@ impl LocalStress {
     /// is more accurate than QR*, 1992).
     #[must_use]
     pub fn of(jacobian: &DMat3) -> Self {
-        /// Sweeps. They converge quadratically: few are needed.
-        const SWEEPS: usize = 30;
-        let mut columns = [jacobian.x_axis, jacobian.y_axis, jacobian.z_axis];
-        for _ in 0..SWEEPS {
-            let mut is_done = true;
-            for (i, j) in [(0, 1), (0, 2), (1, 2)] {
-                let (a, b): (DVec3, DVec3) = (columns[i], columns[j]);
-                let (aa, bb, ab) = (a.dot(a), b.dot(b), a.dot(b));
-                if ab.abs() <= f64::EPSILON * (aa * bb).sqrt() {
-                    continue;
-                }
-                is_done = false;
-                let zeta = (bb - aa) / (2.0 * ab);
-                let tangent = zeta.signum() / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
-                let cosine = 1.0 / (1.0 + tangent * tangent).sqrt();
-                (columns[i], columns[j]) = ((a - b * tangent) * cosine, (b + a * tangent) * cosine);
-            }
-            if is_done {
-                break;
-            }
-        }
-        // Columns at right angles tell the sign of their determinant, whatever their lengths.
-        let [a, b, c] = columns.map(DVec3::normalize_or_zero);
-        let is_inverted = a.dot(b.cross(c)) < 0.0;
-        let mut singular_values = columns.map(DVec3::length);
-        singular_values.sort_unstable_by(|a, b| b.total_cmp(a));
-        if is_inverted {
+        let images = Stretched::of(jacobian).images;
+        let mut singular_values = images.map(DVec3::length);
+        // Vectors at right angles tell the sign of their determinant, whatever their lengths.
+        let [a, b, c] = images.map(DVec3::normalize_or_zero);
+        if a.dot(b.cross(c)) < 0.0 {
             singular_values[2] = -singular_values[2];
         }
         Self { singular_values }
@@ -89,10 +67,74 @@ impl LocalStress {
         if s3 < 0.0 { PI } else { libm::atan2(s1 - s3, 2.0 * (s1 * s3).sqrt()) }
     }
 
+    /// sin θ, `(s₁ − s₃) / (s₁ + s₃)`; where the deformation turns inside out the same quotient, which grows there from 1 on.
+    #[must_use]
+    pub fn sine(&self) -> f64 {
+        let [s1, _, s3] = self.singular_values;
+        (s1 - s3) / (s1 + s3)
+    }
+
     /// Whether the deformation turns inside out.
     #[must_use]
     pub fn is_inverted(&self) -> bool {
         self.singular_values[2] < 0.0
+    }
+}
+
+/// [`LocalStress::sine`] of a Jacobian matrix and its derivatives by the entries. Where two singular values are the same it has no derivative; then that of
+/// one side.
+pub(crate) fn sine_with_slope(jacobian: &DMat3) -> (f64, DMat3) {
+    let Stretched { images: [a, b, _], axes: [v1, _, v3] } = Stretched::of(jacobian);
+    let (u1, s1) = (a.normalize(), a.length());
+    // Right-handed as the axes are, so that s₃ has its sign.
+    let u3 = u1.cross(b.normalize_or(u1.any_orthonormal_vector()));
+    let s3 = u3.dot(*jacobian * v3);
+    // ds = u dM v
+    let outer = |u: DVec3, v: DVec3| DMat3::from_cols(u * v.x, u * v.y, u * v.z);
+    let slope = (outer(u1, v1) * s3 - outer(u3, v3) * s1) * (2.0 / (s1 + s3).powi(2));
+    ((s1 - s3) / (s1 + s3), slope)
+}
+
+/// The axes along which a matrix stretches, longest image first.
+struct Stretched {
+    /// M v, at right angles.
+    images: [DVec3; 3],
+    /// v: orthonormal, right-handed.
+    axes: [DVec3; 3],
+}
+
+impl Stretched {
+    fn of(matrix: &DMat3) -> Self {
+        /// Sweeps. They converge quadratically: few are needed.
+        const SWEEPS: usize = 30;
+        let mut columns = [matrix.x_axis, matrix.y_axis, matrix.z_axis];
+        let mut axes = DVec3::AXES;
+        for _ in 0..SWEEPS {
+            let mut is_done = true;
+            for (i, j) in [(0, 1), (0, 2), (1, 2)] {
+                let (a, b): (DVec3, DVec3) = (columns[i], columns[j]);
+                let (aa, bb, ab) = (a.dot(a), b.dot(b), a.dot(b));
+                if ab.abs() <= f64::EPSILON * (aa * bb).sqrt() {
+                    continue;
+                }
+                is_done = false;
+                let zeta = (bb - aa) / (2.0 * ab);
+                let tangent = zeta.signum() / (zeta.abs() + (1.0 + zeta * zeta).sqrt());
+                let cosine = 1.0 / (1.0 + tangent * tangent).sqrt();
+                let turned = |a: DVec3, b: DVec3| ((a - b * tangent) * cosine, (b + a * tangent) * cosine);
+                (columns[i], columns[j]) = turned(a, b);
+                (axes[i], axes[j]) = turned(axes[i], axes[j]);
+            }
+            if is_done {
+                break;
+            }
+        }
+        // An even permutation: the next axis takes the place of the longest, and the last ones change with a sign.
+        let mut order = [0, 1, 2];
+        order.sort_by(|i, j| columns[*j].length().total_cmp(&columns[*i].length()));
+        let sign = if (order[1] + 3 - order[0]) % 3 == 1 { 1.0 } else { -1.0 };
+        let ordered = |of: [DVec3; 3]| [of[order[0]], of[order[1]], of[order[2]] * sign];
+        Self { images: ordered(columns), axes: ordered(axes) }
     }
 }
 
@@ -162,6 +204,29 @@ mod tests {
             let worst = DVec3::new(s3.sqrt(), 0.0, s1.sqrt());
             prop_assert!((turn(worst) - stress.angle()).abs() <= 1e-7);
             prop_assert!((libm::acos((2.0 * (s1 * s3).sqrt() / (s1 + s3)).min(1.0)) - stress.angle()).abs() <= 1e-7);
+        }
+    }
+
+    proptest! {
+        /// The sine is that of the angle, and its derivatives are its slopes.
+        #[test]
+        fn sines_have_slopes(
+            s1 in 1.5..3.0,
+            s2 in 1.1..1.4,
+            s3 in -0.9..1.0,
+            angle in 0.0..6.0,
+            by in prop::array::uniform9(-1.0..1.0),
+        ) {
+            let jacobian = turned(angle) * DMat3::from_diagonal(DVec3::new(s2, s3, s1)) * turned(2.0 * angle);
+            let (sine, slope) = sine_with_slope(&jacobian);
+            let stress = LocalStress::of(&jacobian);
+            prop_assert!((sine - stress.sine()).abs() <= 1e-14 * sine && (sine - (s1 - s3) / (s1 + s3)).abs() <= 1e-13 * sine);
+            prop_assert!(s3 < 0.0 || (sine - libm::sin(stress.angle())).abs() <= 1e-13);
+            let by = DMat3::from_cols_array(&by);
+            let at = |step: f64| LocalStress::of(&(jacobian + by * step)).sine();
+            let measured = (at(1e-6) - at(-1e-6)) / 2e-6;
+            let expected: f64 = (0..3).map(|k| slope.col(k).dot(by.col(k))).sum();
+            prop_assert!((measured - expected).abs() <= 1e-6 * (1.0 + expected.abs()), "{measured}, not {expected}");
         }
     }
 

@@ -248,27 +248,38 @@ pub(crate) fn on_cage(cage: &Cage, point: DVec3) -> Option<([u32; 3], [f64; 3])>
 /// those at [`tolerances::BESIDE_CAGE`] of its extent inside.
 pub(crate) fn mean_value_jacobians(cage: &Cage, points: &[DVec3], posed: &[DVec3]) -> Vec<DMat3> {
     let parts = parallel::map_chunks(points.len(), JACOBIANS, |range| {
-        points[range].iter().map(|p| jacobian(cage, cage.beside(*p), posed)).collect::<Vec<_>>()
+        let mut gradients = vec![DVec3::ZERO; posed.len()];
+        let jacobian = |p: &DVec3| {
+            fill_mean_value_gradients(cage, cage.beside(*p), &mut gradients);
+            jacobian_of(&gradients, posed)
+        };
+        points[range].iter().map(jacobian).collect::<Vec<_>>()
     });
     parts.concat()
 }
 
-fn jacobian(cage: &Cage, point: DVec3, posed: &[DVec3]) -> DMat3 {
-    let outer = |a: DVec3, b: DVec3| DMat3::from_cols(a * b.x, a * b.y, a * b.z);
-    // Σ w_i, Σ c_i w_i and their derivatives.
-    let (mut whole, mut sum, mut whole_slope, mut sum_slope) = (0.0, DVec3::ZERO, DVec3::ZERO, DMat3::ZERO);
+/// `Σ c_i ⊗ ∇α_i` of controls at `posed` (#controls) with coordinates α.
+pub(crate) fn jacobian_of(gradients: &[DVec3], posed: &[DVec3]) -> DMat3 {
+    let terms = gradients.iter().zip(posed);
+    terms.fold(DMat3::ZERO, |sum, (g, c)| sum + DMat3::from_cols(*c * g.x, *c * g.y, *c * g.z))
+}
+
+/// Puts ∇α of the cage's vertices at `point`, which is not on the cage, into `gradients` (#vertices).
+pub(crate) fn fill_mean_value_gradients(cage: &Cage, point: DVec3, gradients: &mut [DVec3]) {
+    let mut of_vertex = vec![0.0; gradients.len()];
+    gradients.fill(DVec3::ZERO);
     for (t, triangle) in cage.triangles().iter().enumerate() {
-        let corners = cage.corners(t).map(|v| v - point);
-        let (weights, slopes) = weights_with_slopes(corners);
+        let (weights, slopes) = weights_with_slopes(cage.corners(t).map(|v| v - point));
         for ((v, w), slope) in triangle.iter().zip(weights).zip(slopes) {
-            let c = posed[*v as usize];
-            whole += w;
-            sum += c * w;
-            whole_slope += slope;
-            sum_slope += outer(c, slope);
+            of_vertex[*v as usize] += w;
+            gradients[*v as usize] += slope;
         }
     }
-    (sum_slope - outer(sum / whole, whole_slope)) * (1.0 / whole)
+    // α_i = w_i / Σ w
+    let (whole, slope): (f64, DVec3) = (of_vertex.iter().sum(), gradients.iter().sum());
+    for (gradient, w) in gradients.iter_mut().zip(of_vertex) {
+        *gradient = (*gradient - slope * (w / whole)) / whole;
+    }
 }
 
 /// The weights w of a triangle and their derivatives by p, for its corners as seen from p.

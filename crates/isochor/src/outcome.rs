@@ -12,7 +12,8 @@ use crate::binding::{Binding, BoundVertices, displaced, translated};
 use crate::body::{Body, Wish};
 use crate::cage::CageError;
 use crate::cage_binding::{CageBinding, CageBindingError, Coordinates};
-use crate::cage_request::{CageInput, PosedCage};
+use crate::cage_correction::{CagePose, corrected};
+use crate::cage_request::{CageInput, PosedCage, WitnessPoints};
 use crate::controls::{Controls, Deformer, Saved};
 use crate::correct::{CorrectError, CorrectOptions, Correction, Method, Pose, Reason, Status, Wanted, correct_last};
 use crate::drag_plane::DragPlane;
@@ -21,7 +22,6 @@ use crate::elastic::{ElasticError, ElasticWanted};
 use crate::elastic_job::ElasticTask;
 use crate::energy::Energy;
 use crate::goals::{Components, VolumeGoal};
-use crate::green_correction::{GreenPose, corrected};
 use crate::health::{Health, Source};
 use crate::height_scale::{HeightScaleError, scaled_heights};
 use crate::job::{
@@ -29,6 +29,7 @@ use crate::job::{
     VolumeTarget,
 };
 use crate::lattice::{Lattice, LatticeError};
+use crate::least_stress::{LeastStressReport, Witnesses, relaxed};
 use crate::local_stress::StressReport;
 use crate::locality::{LocalityOptions, local_mobility};
 use crate::mesh::{Bounds, Mesh, MeshError};
@@ -43,6 +44,7 @@ use crate::surface_request::{SurfaceFolds, SurfaceRequest, SurfaceRequestError};
 use crate::tolerances;
 use crate::topology::topology;
 use crate::volume::{OpenBoundaries, Solid, SolidError, Volumes, opening};
+use crate::witnesses::inside;
 use crate::wrap::WrapError;
 
 /// A lattice with a pose, as files hold it: model coordinates.
@@ -681,7 +683,7 @@ impl Job {
 
         on_stage(Stage::Correct);
         let (volume, correction, kept);
-        let mut elastic = None;
+        let (mut elastic, mut least_stress) = (None, None);
         let mut net = deformer.cage().map(|cage| NetDrawing {
             kind: NetKind::Cage,
             ends: cage.cage().mesh_edges(),
@@ -751,6 +753,9 @@ impl Job {
             let (method, coordinates) = self.method()?;
             let mut mobility = self.mobility(controls.mobility.as_deref(), &space, &rest_points)?;
             mobility.iter_mut().for_each(|m| *m *= coordinates);
+            if self.preserve.objective == Objective::Stress {
+                self.hold_edited(&mut mobility, &is_edited);
+            }
             if let Some(net) = &mut net {
                 net.is_held = mobility.iter().map(|m| *m == DVec3::ZERO).collect();
             }
@@ -771,7 +776,7 @@ impl Job {
             let goals: Vec<VolumeGoal> = wishes.iter().map(|wish| wish.goal.clone()).collect();
             let wanted = Wanted { volumes: goals, points: self.points(&wanted_points, &binding, &points, origin)? };
             let energy = match self.preserve.objective {
-                Objective::Controls => None,
+                Objective::Controls | Objective::Stress => None,
                 Objective::Surface => Some(Energy::surface(&binding)?),
                 Objective::Edges => Some(match &deformer {
                     Deformer::Lattice(lattice, _) => Energy::edges(lattice)?,
@@ -787,10 +792,36 @@ impl Job {
             };
             let options = CorrectOptions { method, mobility: Some(mobility), energy };
             let corrected = match self.preserve.preview {
+                _ if self.preserve.objective == Objective::Stress => {
+                    let Some(cage) = deformer.cage() else {
+                        let problem = "is \"stress\", which is measured at points in a cage; choose \"edges\" or \"surface\" for a lattice";
+                        return Err(JobError::Value { key: "preserve.objective", problem: problem.into() });
+                    };
+                    self.check_derivatives(&options.method, "the objective \"stress\"")?;
+                    if options.method != Method::Nearest {
+                        let problem =
+                            "must be \"nearest\" with the objective \"stress\", which searches all directions";
+                        return Err(JobError::Value { key: "preserve.method", problem: problem.into() });
+                    }
+                    let witnesses = self.witnesses(cage, &body.solid, &rest_points, origin)?;
+                    let (solid, rest, mobility) =
+                        (&body.solid, &rest_points[..], options.mobility.as_deref().unwrap_or_default());
+                    let pose = CagePose { cage, solid, rest, posed: &posed, mobility, extent };
+                    relaxed(&pose, &wanted, &witnesses).map(|(correction, report)| {
+                        if let Some(LeastStressReport { is_settled: false, steps, .. }) = &report {
+                            warnings.push(format!(
+                                "The search for the least stress used up its {steps} steps: the volume is exact, but other poses may have less stress. \
+                                 Free fewer vertices of the cage, or more of those near the moved ones."
+                            ));
+                        }
+                        least_stress = report;
+                        correction
+                    })
+                }
                 _ if !deformer.is_linear() => self.by_normals(&options, |mobility, is_nearest| {
                     let cage = deformer.cage().expect("Green coordinates are a cage's");
                     let (solid, rest) = (&body.solid, &rest_points[..]);
-                    corrected(&GreenPose { cage, solid, rest, posed: &posed, mobility, extent }, &wanted, is_nearest)
+                    corrected(&CagePose { cage, solid, rest, posed: &posed, mobility, extent }, &wanted, is_nearest)
                 })?,
                 None => correct_last(&body.solid, binding, &points, &wanted, &options),
                 Some(0) => {
@@ -832,9 +863,10 @@ impl Job {
 
         let is_stressed = self.cage.as_ref().is_some_and(|request| request.stress);
         let cage = match deformer.cage() {
-            Some(cage) => {
-                Some(Self::cage_report(cage, body.as_ref(), &rest_points, &posed, &planes, is_stressed, origin)?)
-            }
+            Some(cage) => Some(CageJobReport {
+                least_stress,
+                ..Self::cage_report(cage, body.as_ref(), &rest_points, &posed, &planes, is_stressed, origin)?
+            }),
             None => None,
         };
         let (saved, saved_cage) = match controls.in_model_coordinates(&posed, origin)? {
@@ -866,25 +898,78 @@ impl Job {
         options: &CorrectOptions,
         correct: impl Fn(&[DVec3], bool) -> Result<Correction, CorrectError>,
     ) -> Result<Result<Correction, CorrectError>, JobError> {
-        let refused = |key, problem: &str| Err(JobError::Value { key, problem: problem.into() });
         if self.preserve.objective != Objective::Controls {
-            return refused("preserve.objective", "must be \"controls\" with Green coordinates");
+            let problem = "must be \"controls\" or \"stress\" with Green coordinates".into();
+            return Err(JobError::Value { key: "preserve.objective", problem });
         }
+        self.check_derivatives(&options.method, "Green coordinates")?;
+        Ok(correct(options.mobility.as_deref().unwrap_or_default(), options.method == Method::Nearest))
+    }
+
+    /// Whether a correction by derivatives, which is made with `what`, can do what is asked.
+    fn check_derivatives(&self, method: &Method, what: &str) -> Result<(), JobError> {
+        let refused = |key, problem| Err(JobError::Value { key, problem });
         if self.preserve.preview.is_some() {
-            return refused(
-                "preserve.preview",
-                "cannot be with Green coordinates, where the model itself is corrected",
-            );
+            return refused("preserve.preview", format!("cannot be with {what}, where the model itself is corrected"));
         }
-        let mobility = options.mobility.as_deref().unwrap_or_default();
-        match &options.method {
-            Method::Nearest => Ok(correct(mobility, true)),
-            Method::Gradient => Ok(correct(mobility, false)),
+        match method {
+            Method::Nearest | Method::Gradient => Ok(()),
             Method::Axes { .. } => refused(
                 "preserve.axes",
-                "go with coordinates of which vertices are an affine function; with Green coordinates choose the method \"nearest\" or \"gradient\"",
+                format!("go with closed forms; with {what} there are none: choose the method \"nearest\""),
             ),
         }
+    }
+
+    /// Takes their mobility from the vertices of a cage that were moved, unless the job names those that are free: completed is what was left.
+    fn hold_edited(&self, mobility: &mut [DVec3], is_edited: &[bool]) {
+        if self.cage.as_ref().is_none_or(|cage| cage.free.is_none()) {
+            let edited = mobility.iter_mut().zip(is_edited).filter(|(_, is_edited)| **is_edited);
+            edited.for_each(|(m, _)| *m = DVec3::ZERO);
+        }
+    }
+
+    /// The witness points of a cage.
+    fn witnesses(
+        &self,
+        cage: &CageBinding,
+        solid: &Solid,
+        rest_points: &[DVec3],
+        origin: DVec3,
+    ) -> Result<Witnesses, JobError> {
+        let refused = |problem| Err(JobError::Value { key: "cage.witnesses", problem });
+        let asked = self.cage.as_ref().and_then(|request| request.witnesses.as_ref());
+        let points = match asked.unwrap_or(&WitnessPoints::Number(WitnessPoints::DEFAULT)) {
+            WitnessPoints::Number(0) => {
+                return refused("is 0: it is a number of points, such as 256, or a list of them".into());
+            }
+            WitnessPoints::Number(number) => {
+                let mut points = inside(solid, rest_points, *number);
+                let is_outside = cage.cage().are_outside(&points);
+                let mut is_outside = is_outside.into_iter();
+                points.retain(|_| !is_outside.next().unwrap_or_default());
+                if points.is_empty() {
+                    return refused(
+                        "found no point inside the model and its cage: name some, such as [[0, 0, 0]]".into(),
+                    );
+                }
+                points
+            }
+            WitnessPoints::Places(places) => {
+                if let Some(k) = places.iter().position(|p| !p.is_finite()) {
+                    return refused(format!("has point {k} at {}: coordinates must be finite", places[k]));
+                }
+                if places.is_empty() {
+                    return refused("is an empty list: name at least one point, or a number of them".into());
+                }
+                let points: Vec<DVec3> = places.iter().map(|p| *p - origin).collect();
+                if let Some(k) = cage.cage().are_outside(&points).iter().position(|is_outside| *is_outside) {
+                    return refused(format!("has point {k} at {}, outside the cage", places[k]));
+                }
+                points
+            }
+        };
+        Ok(Witnesses::new(cage, &points)?)
     }
 
     /// What is reported of a cage, with its vertices at `posed` in the end: the drag planes of those with weights, too.
@@ -913,7 +998,7 @@ impl Job {
         }
         let jacobians = is_stressed.then(|| cage.jacobians(rest_points, posed)).transpose()?;
         let stress = jacobians.and_then(|jacobians| StressReport::of(&jacobians));
-        Ok(CageJobReport { binding: cage.report().clone(), stress, planes })
+        Ok(CageJobReport { binding: cage.report().clone(), stress, least_stress: None, planes })
     }
 
     /// Runs a job whose model goes along a surface first.

@@ -7,6 +7,7 @@ use crate::cage_binding::CageReport;
 use crate::correct::{Correction, Method, Status};
 use crate::drag_plane::DragPlane;
 use crate::health::Health;
+use crate::least_stress::LeastStressReport;
 use crate::local_stress::StressReport;
 use crate::stretch::FlattenReport;
 use crate::wrap::WrapFolds;
@@ -53,6 +54,9 @@ pub struct CageJobReport {
     /// Local stress at the model's vertices in the end, where it was asked for.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
     pub stress: Option<StressReport>,
+    /// What the objective "stress" brought.
+    #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Option::is_none"))]
+    pub least_stress: Option<LeastStressReport>,
     /// The drag planes that were asked for, of the cage in the end.
     #[cfg_attr(feature = "serde", serde(skip_serializing_if = "Vec::is_empty"))]
     pub planes: Vec<DragPlaneReport>,

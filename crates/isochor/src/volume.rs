@@ -702,7 +702,7 @@ pub(crate) fn encloses_nothing(volume: f64, triangles: usize, extent: f64, area:
 }
 
 /// [`Bounds::lossless_origin`] of the points.
-fn lossless_origin(points: &[DVec3]) -> DVec3 {
+pub(crate) fn lossless_origin(points: &[DVec3]) -> DVec3 {
     /// Points of a first look. More: a longer look; fewer: it decides less often.
     const SAMPLE: usize = 256;
     let origin = |bounds: Option<Bounds>| bounds.map_or(DVec3::ZERO, |b| b.lossless_origin());

@@ -4,8 +4,9 @@ mod numbers;
 
 use glam::{DMat3, DVec3};
 use isochor::{
-    Cage, CageBinding, CageBindingError, CageOptions, Coordinates, CorrectOptions, DragPlane, Energy, Faces, Mesh,
-    Method, OpenBoundaries, Outside, PointTarget, Pose, Solid, Wanted, correct, displaced, shapes, topology,
+    Cage, CageBinding, CageBindingError, CageOptions, Coordinates, CorrectOptions, DragPlane, Energy, Faces,
+    LocalStress, Mesh, Method, OpenBoundaries, Outside, PointTarget, Pose, Solid, Wanted, correct, displaced, shapes,
+    topology,
 };
 use numbers::{numbers, reference, vectors};
 use proptest::prelude::*;
@@ -307,10 +308,24 @@ mod jobs {
             far + DVec3::new(v.x * 1.2 + 0.3 * v.z * v.z, v.y, v.z * 0.7)
         };
         let posed = posed.then(|| cage.points().iter().map(bent).collect());
-        let cage = CageInput { mesh: cage, posed, weights: None };
-        let input =
-            JobInput { mesh: &mesh, source: &Source::of(&mesh), lattice: None, surface: None, cage: Some(&cage) };
+        of_cage(&mesh, &CageInput { mesh: cage, posed, weights: None }, toml)
+    }
+
+    fn of_mesh(mesh: &Mesh, cage: &Mesh, toml: &str) -> Result<Outcome, JobError> {
+        of_cage(mesh, &CageInput { mesh: cage.clone(), posed: None, weights: None }, toml)
+    }
+
+    fn of_cage(mesh: &Mesh, cage: &CageInput, toml: &str) -> Result<Outcome, JobError> {
+        let cage = toml.contains("cage =").then_some(cage);
+        let input = JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None, cage };
         Job::from_toml(toml).unwrap().run(&input, &mut |_| {})
+    }
+
+    /// With corners at 0 and at x, y, z.
+    fn tetrahedron() -> Mesh {
+        let mut faces = Faces::new();
+        [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]].iter().for_each(|face| faces.push(face));
+        Mesh::new(vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z], faces).unwrap()
     }
 
     fn relative_error(outcome: &Outcome) -> f64 {
@@ -430,7 +445,7 @@ mod jobs {
         assert!(said(&with("", "preserve = { pin = { k = 0 } }")).contains("vertices of a cage"));
         assert!(said(&with(", coordinates = 'tetrahedral'", "")).contains("need a cage of 4 vertices"));
         let green = ", coordinates = 'green'";
-        assert!(said(&with(green, "preserve = { axes = 'x' }")).contains("preserve.axes go with coordinates"));
+        assert!(said(&with(green, "preserve = { axes = 'x' }")).contains("preserve.axes go with closed forms"));
         assert!(said(&with(", coordinates = 'green', planes = 'all'", "")).contains("no affine function"));
         let slide = "[[edit]]\nslide = { nodes = 'all', by = [1, 0, 0] }";
         assert!(said(&with(green, slide)).contains("there is no volume that could be kept"));
@@ -465,6 +480,150 @@ mod jobs {
                 assert!((row.corrected - row.rest).abs() <= 1e-13 * row.rest, "{method}: {row:?}");
             }
         }
+    }
+
+    /// What is asked for twice, or follows from other wishes, is met with Green coordinates as with others, and what contradicts is named.
+    #[test]
+    fn wishes_that_depend_on_others_are_met_or_named() {
+        let far = "[999999.1, -1999999.9, 0.4]";
+        for coordinates in ["mean-value", "green"] {
+            for method in ["nearest", "gradient"] {
+                let job = |preserve: &str| {
+                    run(
+                        &format!(
+                            "cage = {{ file = 'c', posed = 'p', coordinates = '{coordinates}' }}\n[preserve]\nmethod = '{method}'\n{preserve}"
+                        ),
+                        true,
+                    )
+                };
+                let point = format!("{{ vertex = 5, to = {far} }}");
+                let other = "{ vertex = 5, to = [999999.1, -1999999.9, 0.5] }";
+                let outcome = job(&format!("points = [{point}, {point}]"));
+                let outcome = outcome.unwrap_or_else(|error| panic!("{coordinates}, {method}: {error}"));
+                assert!(relative_error(&outcome) <= 1e-13 && outcome.report.correction.point_error <= 1e-12);
+                let error = job(&format!("points = [{point}, {other}]")).unwrap_err();
+                assert!(error.is_unreachable(), "{coordinates}: {error}");
+                assert!(error.to_string().contains("given the other points"), "{coordinates}: {error}");
+                let outcome = job(
+                    "volume = { parts = [{ components = [0], volume = '100%' }, { components = [0], volume = '100%' }] }",
+                );
+                assert!(outcome.is_ok_and(|outcome| relative_error(&outcome) <= 1e-13), "{coordinates}");
+                let error = job("points = [{ vertex = 5, to = [nan, 0, 0] }]").unwrap_err();
+                assert!(error.to_string().contains("finite"), "{coordinates}: {error}");
+            }
+        }
+    }
+
+    /// A point that only vertices could move that are pinned.
+    #[test]
+    fn points_that_nothing_moves_are_named() {
+        for coordinates in ["mean-value", "green"] {
+            let toml = format!(
+                "cage = {{ file = 'c', coordinates = '{coordinates}', free = {{ vertices = [3] }} }}\npreserve = {{ pin = {{ vertices = [3] }}, points = [{{ vertex = 5, to = [1000000, -2000000, 1] }}] }}"
+            );
+            let error = run(&toml, false).unwrap_err();
+            assert!(error.is_unreachable() && error.to_string().contains("pinned"), "{coordinates}: {error}");
+        }
+    }
+
+    /// A tetrahedron whose first edge from corner 0 was stretched by a: the two other corners restore the volume. Every map has a singular value ≥ a (≤ a where a < 1),
+    /// and the product of all three is 1, so no stress is less than that of a, a^(−1/2), a^(−1/2).
+    #[test]
+    fn the_least_stress_of_a_tetrahedron_is_that_of_the_theorem() {
+        for (a, witnesses) in [(1.6_f64, "8"), (0.55, "[[0.1, 0.2, 0.3]]"), (1.0, "8")] {
+            let mesh = tetrahedron();
+            let toml = format!(
+                "cage = {{ file = 'c', coordinates = 'tetrahedral', free = {{ vertices = [2, 3] }}, witnesses = {witnesses} }}\n[preserve]\nobjective = 'stress'\n\
+                 [[edit]]\nmove = {{ nodes = {{ vertices = [1] }}, by = [{}, 0, 0] }}\n[[edit]]\nmove = {{ nodes = {{ vertices = [2] }}, by = [0.3, 0.4, -0.2] }}",
+                a - 1.0
+            );
+            let outcome = of_mesh(&mesh, &mesh, &toml).unwrap();
+            assert!(relative_error(&outcome) <= 1e-13);
+            let least = outcome.report.cage.as_ref().unwrap().least_stress.clone().unwrap();
+            let ratio = a.max(1.0 / a).powf(1.5);
+            let sine: f64 = (ratio - 1.0) / (ratio + 1.0);
+            assert!((least.mean_squared_sine[1] - sine.powi(2)).abs() <= 1e-7, "{a}: {least:?}");
+            assert!((least.least_stress.mean_degrees - sine.asin().to_degrees()).abs() <= 1e-3, "{a}: {least:?}");
+            assert!(least.mean_squared_sine[1] < least.mean_squared_sine[0], "{a}: {least:?}");
+            assert!(least.is_settled && least.free == 2, "{a}: {least:?}");
+            let cage = outcome.cage.as_ref().unwrap();
+            assert_eq!(cage.posed[0], DVec3::ZERO);
+            assert_eq!(cage.posed[1], DVec3::new(1.0 + (a - 1.0), 0.0, 0.0));
+        }
+    }
+
+    /// Of all poses of the free vertices with the volume none nearby has less stress: its derivative along moves that keep the volume is 0.
+    #[test]
+    fn no_pose_nearby_has_less_stress() {
+        let far = DVec3::new(1e6, -2e6, 0.0);
+        let free = [0, 1, 4, 12];
+        let places: Vec<DVec3> = shapes::icosphere(1).points().iter().map(|p| *p * 0.7).collect();
+        let witnesses: Vec<[f64; 3]> = places.iter().map(|p| (*p + far).to_array()).collect();
+        for coordinates in ["mean-value", "harmonic", "green"] {
+            let job = |objective: &str, more: &str| {
+                let toml = format!(
+                    "cage = {{ file = 'c', coordinates = '{coordinates}', witnesses = {witnesses:?}, free = {{ vertices = [0, 1, 4, 12] }} }}\n[preserve]\nobjective = '{objective}'\n{more}\n\
+                     [[edit]]\nmove = {{ nodes = {{ vertices = [7, 9] }}, by = [0.5, 0.2, 0.1] }}"
+                );
+                run(&toml, false).unwrap()
+            };
+            let point = "points = [{ vertex = 0, to = [1000000.02, -2000000.55, -0.88] }]";
+            for more in ["", point] {
+                let outcome = job("stress", more);
+                assert!(relative_error(&outcome) <= 1e-13 && outcome.report.correction.point_error <= 1e-12);
+                let least = outcome.report.cage.as_ref().unwrap().least_stress.clone().unwrap();
+                assert!(least.is_settled, "{coordinates}: {least:?}");
+                assert!(least.mean_squared_sine[1] < least.mean_squared_sine[0], "{coordinates}: {least:?}");
+                assert_eq!((least.free, least.witnesses), (4, 42));
+            }
+            let outcome = job("stress", "");
+            let cage = outcome.cage_binding().unwrap();
+            let posed: Vec<DVec3> = outcome.cage.as_ref().unwrap().posed.iter().map(|p| *p - far).collect();
+            let mesh = shapes::icosphere(2);
+            let solid = Solid::new(&mesh, &topology(&mesh), OpenBoundaries::Refuse).unwrap();
+            let vertices: Vec<DVec3> = outcome.points.iter().map(|p| *p - far).collect();
+            let mut by_volume = cage.gradient(&posed, &solid.volume_gradient(&vertices));
+            (0..42).filter(|v| !free.contains(v)).for_each(|held| by_volume[held] = DVec3::ZERO);
+            let dot = |a: &[DVec3], b: &[DVec3]| a.iter().zip(b).map(|(a, b)| a.dot(*b)).sum::<f64>();
+            let cost = |by: &[DVec3], step: f64| {
+                let moved: Vec<DVec3> = posed.iter().zip(by).map(|(p, d)| *p + *d * step).collect();
+                let jacobians = cage.jacobians(&places, &moved).unwrap();
+                jacobians.iter().map(|j| LocalStress::of(j).sine().powi(2)).sum::<f64>() / places.len() as f64
+            };
+            let slope = |by: &[DVec3]| (cost(by, 1e-4) - cost(by, -1e-4)) / 2e-4;
+            for seed in 1..8_u32 {
+                let x = |k: usize| f64::from((seed * 7919 + k as u32 * 104_729) % 2001) / 1000.0 - 1.0;
+                let mut by: Vec<DVec3> = (0..42).map(|v| DVec3::new(x(3 * v), x(3 * v + 1), x(3 * v + 2))).collect();
+                (0..42).filter(|v| !free.contains(v)).for_each(|held| by[held] = DVec3::ZERO);
+                let part = dot(&by, &by_volume) / dot(&by_volume, &by_volume);
+                let along: Vec<DVec3> = by.iter().zip(&by_volume).map(|(d, g)| *d - *g * part).collect();
+                assert!(slope(&along).abs() <= 2e-6, "{coordinates}: {}", slope(&along));
+            }
+            let length = dot(&by_volume, &by_volume).sqrt();
+            by_volume.iter_mut().for_each(|g| *g /= length);
+            assert!(slope(&by_volume).abs() > 5e-5, "{coordinates}: the volume matters: {}", slope(&by_volume));
+        }
+    }
+
+    #[test]
+    fn what_least_stress_cannot_do_says_why() {
+        let said = |keys: &str, preserve: &str| {
+            let toml =
+                format!("cage = {{ file = 'c', free = 'all'{keys} }}\n[preserve]\nobjective = 'stress'\n{preserve}");
+            run(&toml, true).unwrap_err().to_string()
+        };
+        assert!(said(", witnesses = 0", "").contains("cage.witnesses is 0"));
+        assert!(said(", witnesses = []", "").contains("name at least one point"));
+        assert!(said(", witnesses = [[1000000, -2000000, 1.31]]", "").contains("outside the cage"));
+        assert!(said(", witnesses = [[nan, 0, 0]]", "").contains("must be finite"));
+        assert!(said("", "axes = 'x'\nmethod = 'axes'").contains("preserve.axes go with closed forms"));
+        assert!(said("", "method = 'gradient'").contains("must be \"nearest\""));
+        assert!(said("", "preview = 100").contains("preserve.preview cannot be with the objective"));
+        let all_moved = "cage = { file = 'c' }\n[preserve]\nobjective = 'stress'\n[[edit]]\nscale = { by = [1.2, 1, 1.1], center = [1e6, -2e6, 7] }";
+        let all_held = run(all_moved, false).unwrap_err();
+        assert!(all_held.is_unreachable() && all_held.to_string().contains("every control is pinned"), "{all_held}");
+        let lattice = run("lattice = { size = 3 }\n[preserve]\nobjective = 'stress'", false).unwrap_err();
+        assert!(lattice.to_string().contains("measured at points in a cage"), "{lattice}");
     }
 
     /// The smallest displacement of a Green cage: none of many others of the same volume is smaller, and Lagrange's condition holds.

@@ -283,7 +283,8 @@ fn keys_belong_into_films_and_there_into_edits_and_what_is_preserved() {
     ] {
         let error = error(&text);
         assert!(
-            error.what.starts_with(path) && error.what.contains("[[edit]], [preserve], [surface] and [elastic]"),
+            error.what.starts_with(path)
+                && error.what.contains("[[edit]], [preserve], [surface], [elastic] and [cage]"),
             "{error}"
         );
         assert_eq!(error.line, Some(3));

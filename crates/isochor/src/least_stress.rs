@@ -1,0 +1,362 @@
+//! Completion of a cage's pose by least local stress: of all poses of the free vertices with the wanted volumes, the one at whose witness points the
+//! deformation turns directions least. CVB, section 4.
+//!
+//! The paper plans this and leaves open what of the stress at many points is to be small. Here it is the mean of `sin² θ`, for which there is
+//! `sin θ = (s₁ − s₃) / (s₁ + s₃)` ([`crate::LocalStress::sine`]): smooth where θ itself is not, at s₃ = 0, and beyond that it grows, so pieces that
+//! are inside out turn back. As in [`crate::cage_correction`] every state on the way has what is wanted: steps go along the surface of such poses, and Newton's
+//! method leads back to it. They are those of the BFGS method with limited memory, in the metric of the mobilities, with derivatives less what would change
+//! a wish. Where two singular values are the same the stress has an edge, and minima lie in edges; so the search along a line is the one for such functions
+//! (A. Lewis, M. Overton, *Nonsmooth optimization via quasi-Newton methods*, 2013), and what it has come to is told, not promised: no nearby pose is better along the
+//! directions that were tried.
+
+use std::collections::VecDeque;
+
+use glam::DVec3;
+
+use crate::binding::displaced;
+use crate::cage_binding::{CageBinding, CageBindingError};
+use crate::cage_correction::{CagePose, Found, State, Wishes, scaled};
+use crate::correct::{CorrectError, Correction, Reason, Status, Wanted};
+use crate::local_stress::{LocalStress, StressReport, sine_with_slope};
+use crate::mean_value::jacobian_of;
+use crate::rows::{Rows, add, dot};
+
+/// Most steps. Poses settle in tens; more: minutes on large models.
+const STEPS: usize = 400;
+
+/// Steps that the directions remember. More: memory; fewer: slower near edges.
+const MEMORY: usize = 30;
+
+/// Most tries along a direction.
+const TRIES: usize = 40;
+
+/// Longest first try of a step, in extents. Larger: poses that cannot be brought back; smaller: slow from far.
+const LONGEST: f64 = 0.1;
+
+/// Part of the promised decrease that a step must bring, and part of the slope that it may leave. Larger and smaller: more tries.
+const DECREASE: f64 = 1e-4;
+const SLOPE: f64 = 0.9;
+
+/// The search ends where the cost's derivative, times the extent, is below this part of the cost, or where the last [`WINDOW`] steps together lowered the cost by
+/// less than this part of it. Larger: stress is left; smaller: time, for what nobody sees.
+const SETTLED: f64 = 1e-8;
+const WINDOW: usize = 10;
+
+/// Witness points in a cage.
+pub(crate) struct Witnesses {
+    /// ∇α of each control at each point (#points × #controls).
+    gradients: Vec<DVec3>,
+    controls: usize,
+}
+
+/// What the search for least stress brought.
+#[derive(Clone, Debug, PartialEq)]
+#[cfg_attr(feature = "serde", derive(serde::Serialize))]
+pub struct LeastStressReport {
+    /// Points at which stress was measured.
+    pub witnesses: usize,
+    /// Vertices of the cage that could move.
+    pub free: usize,
+    /// Steps from the pose by least motion.
+    pub steps: usize,
+    /// Whether ten steps together brought less than 1e-8 of what is left, or no direction that was tried led to less; otherwise the steps were
+    /// used up.
+    pub is_settled: bool,
+    /// Mean of sin² θ by least motion, and in the end.
+    pub mean_squared_sine: [f64; 2],
+    /// Stress of the pose before the volume was restored.
+    pub posed: StressReport,
+    /// Stress where the volume is restored by least motion.
+    pub least_motion: StressReport,
+    /// Stress in the end.
+    pub least_stress: StressReport,
+}
+
+/// A state with its cost.
+struct Place {
+    state: State,
+    cost: f64,
+    /// Its derivative by the displacement over √M, less what would change a wish (3 #vertices).
+    slope: Vec<f64>,
+    /// Basis of what would.
+    rows: Rows,
+}
+
+/// A step and the change of the slope along it.
+struct Pair {
+    step: Vec<f64>,
+    change: Vec<f64>,
+    product: f64,
+}
+
+impl Witnesses {
+    /// At `points` (#points) of a cage.
+    ///
+    /// # Errors
+    ///
+    /// As [`CageBinding::jacobians`].
+    pub(crate) fn new(cage: &CageBinding, points: &[DVec3]) -> Result<Self, CageBindingError> {
+        let gradients = cage.gradients_of_coordinates(points)?;
+        Ok(Self { controls: gradients.len() / points.len().max(1), gradients })
+    }
+
+    fn rows(&self) -> impl ExactSizeIterator<Item = &[DVec3]> {
+        self.gradients.chunks_exact(self.controls)
+    }
+
+    /// Stress for controls at `posed` (#controls); `None` without witnesses.
+    pub(crate) fn report(&self, posed: &[DVec3]) -> Option<StressReport> {
+        StressReport::of(&self.rows().map(|row| jacobian_of(row, posed)).collect::<Vec<_>>())
+    }
+
+    /// Mean of sin² θ; infinite where a piece is a point, or as much inside out as it is stretched.
+    fn cost(&self, posed: &[DVec3]) -> f64 {
+        let squares = self.rows().map(|row| LocalStress::of(&jacobian_of(row, posed)).sine().powi(2));
+        let mean = squares.sum::<f64>() / self.rows().len() as f64;
+        if mean.is_nan() { f64::INFINITY } else { mean }
+    }
+
+    /// Its derivatives by the controls (#controls × 3).
+    fn slope(&self, posed: &[DVec3]) -> Vec<DVec3> {
+        let mut slope = vec![DVec3::ZERO; self.controls];
+        let count = self.rows().len() as f64;
+        for row in self.rows() {
+            let (sine, by_entry) = sine_with_slope(&jacobian_of(row, posed));
+            let by_entry = by_entry * (2.0 * sine / count);
+            slope.iter_mut().zip(row).for_each(|(slope, gradient)| *slope += by_entry * *gradient);
+        }
+        slope
+    }
+}
+
+/// Restores what is `wanted` by the pose of least stress at `witnesses`, and tells how it went unless the wishes are not met.
+pub(crate) fn relaxed(
+    pose: &CagePose,
+    wanted: &Wanted,
+    witnesses: &Witnesses,
+) -> Result<(Correction, Option<LeastStressReport>), CorrectError> {
+    let (wishes, start) = pose.checked(wanted)?;
+    let volume_before = start.volume();
+    let posed = witnesses.report(&pose.cage.controls(pose.posed));
+    let found = pose.searched(&wishes, start, true)?;
+    if !pose.is_met(&found.state, &wishes) {
+        return Ok((pose.correction(&wishes, volume_before, found), None));
+    }
+    let least_motion = witnesses.report(&pose.controls(&found.state));
+    let Found { state, status, steps: before, .. } = found;
+    let mut at = pose.place(state, &wishes, witnesses);
+    let cost = at.cost;
+    if !cost.is_finite() {
+        return Err(pose.impossible(&wishes, volume_before, Reason::Overflow));
+    }
+    let mut memory: VecDeque<Pair> = VecDeque::new();
+    let (mut costs, mut is_settled) = (vec![cost], false);
+    while costs.len() <= STEPS {
+        let before = costs.len().checked_sub(WINDOW + 1).map(|k| costs[k]);
+        if largest(&at.slope) * pose.extent <= SETTLED * at.cost
+            || before.is_some_and(|before| before - at.cost <= SETTLED * before)
+        {
+            is_settled = true;
+            break;
+        }
+        let next = pose.stepped(&at, &memory, &wishes, witnesses).or_else(|| {
+            // Along the slope itself.
+            let forgotten = !std::mem::take(&mut memory).is_empty();
+            forgotten.then(|| pose.stepped(&at, &memory, &wishes, witnesses)).flatten()
+        });
+        let Some((next, step)) = next else {
+            is_settled = true;
+            break;
+        };
+        let change: Vec<f64> = next.slope.iter().zip(&at.slope).map(|(a, b)| a - b).collect();
+        let product = dot(&step, &change);
+        if product > 0.0 {
+            memory.push_back(Pair { step, change, product });
+            if memory.len() > MEMORY {
+                memory.pop_front();
+            }
+        }
+        at = next;
+        costs.push(at.cost);
+    }
+    let steps = costs.len() - 1;
+    let report = |(posed, least_motion): (StressReport, StressReport)| {
+        Some(LeastStressReport {
+            witnesses: witnesses.rows().len(),
+            free: pose.mobility.iter().filter(|m| **m != DVec3::ZERO).count(),
+            steps,
+            is_settled,
+            mean_squared_sine: [cost, at.cost],
+            posed,
+            least_motion,
+            least_stress: witnesses.report(&pose.controls(&at.state))?,
+        })
+    };
+    let report = posed.zip(least_motion).and_then(report);
+    let residual = Some(largest(&at.slope) * pose.extent);
+    let has_moved = before + steps > 0;
+    let status = if has_moved || status != Status::AlreadyMet { Status::Exact } else { Status::AlreadyMet };
+    let found = Found { state: at.state, status, steps: before + steps, residual };
+    Ok((pose.correction(&wishes, volume_before, found), report))
+}
+
+fn largest(numbers: &[f64]) -> f64 {
+    numbers.iter().map(|x| x.abs()).fold(0.0, f64::max)
+}
+
+impl CagePose<'_> {
+    /// E(C + δ)
+    fn controls(&self, state: &State) -> Vec<DVec3> {
+        self.cage.controls(&displaced(self.posed, &state.displacement))
+    }
+
+    fn place(&self, state: State, wishes: &Wishes, witnesses: &Witnesses) -> Place {
+        let posed = displaced(self.posed, &state.displacement);
+        let controls = self.cage.controls(&posed);
+        let by_vertex = self.cage.pulled(&posed, witnesses.slope(&controls));
+        let rows = self.independent(&self.rows(&state, wishes));
+        let mut slope = scaled(&by_vertex, self.mobility);
+        rows.project(&mut slope);
+        Place { cost: witnesses.cost(&controls), state, slope, rows }
+    }
+
+    /// The next place, and the step to it over √M; `None` where none is better.
+    fn stepped(
+        &self,
+        at: &Place,
+        memory: &VecDeque<Pair>,
+        wishes: &Wishes,
+        witnesses: &Witnesses,
+    ) -> Option<(Place, Vec<f64>)> {
+        let mut direction = downhill(&at.slope, memory);
+        at.rows.project(&mut direction);
+        let falls = dot(&direction, &at.slope);
+        if falls >= 0.0 {
+            return None;
+        }
+        let moves = self.unscaled(&direction);
+        let length = moves.iter().map(|d| d.length()).fold(0.0, f64::max);
+        let mut share = (LONGEST * self.extent / length).min(if memory.is_empty() { f64::INFINITY } else { 1.0 });
+        let (mut low, mut high) = (0.0, f64::INFINITY);
+        let mut best: Option<Place> = None;
+        for _ in 0..TRIES {
+            let partial = at.state.displacement.iter().zip(&moves).map(|(at, d)| *at + *d * share).collect();
+            let (state, _) = self.restored(self.state(partial, wishes), wishes, None);
+            let is_lower = self.is_met(&state, wishes)
+                && witnesses.cost(&self.controls(&state)) <= at.cost + DECREASE * share * falls;
+            if is_lower {
+                let place = self.place(state, wishes, witnesses);
+                let is_flatter = dot(&direction, &place.slope) >= SLOPE * falls;
+                best = Some(place);
+                low = share;
+                if is_flatter {
+                    break;
+                }
+            } else {
+                high = share;
+            }
+            share = if high.is_finite() { (low + high) / 2.0 } else { 2.0 * low };
+            // Something was found, and what lies beyond is no better.
+            if best.is_some() && high - low <= DECREASE * high {
+                break;
+            }
+        }
+        let best = best.filter(|best| best.cost < at.cost)?;
+        let step = self.over_mobility(&best.state, &at.state);
+        Some((best, step))
+    }
+
+    /// What lies between two displacements, over √M (3 #vertices); 0 where nothing moves.
+    fn over_mobility(&self, to: &State, from: &State) -> Vec<f64> {
+        let over = |d: f64, m: f64| if m > 0.0 { d / m.sqrt() } else { 0.0 };
+        let pairs = to.displacement.iter().zip(&from.displacement).zip(self.mobility);
+        let of = |((to, from), m): ((&DVec3, &DVec3), &DVec3)| {
+            let d = *to - *from;
+            [over(d.x, m.x), over(d.y, m.y), over(d.z, m.z)]
+        };
+        pairs.flat_map(of).collect()
+    }
+}
+
+/// −H slope, with H from the remembered steps (J. Nocedal, *Updating quasi-Newton matrices with limited storage*, 1980).
+fn downhill(slope: &[f64], memory: &VecDeque<Pair>) -> Vec<f64> {
+    let mut direction: Vec<f64> = slope.iter().map(|x| -x).collect();
+    let mut parts = Vec::with_capacity(memory.len());
+    for pair in memory.iter().rev() {
+        let part = dot(&pair.step, &direction) / pair.product;
+        add(&mut direction, -part, &pair.change);
+        parts.push(part);
+    }
+    if let Some(last) = memory.back() {
+        let scale = last.product / dot(&last.change, &last.change);
+        direction.iter_mut().for_each(|x| *x *= scale);
+    }
+    for (pair, part) in memory.iter().zip(parts.into_iter().rev()) {
+        let back = dot(&pair.change, &direction) / pair.product;
+        add(&mut direction, part - back, &pair.step);
+    }
+    direction
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::cage::Cage;
+    use crate::cage_binding::{CageOptions, Coordinates};
+    use crate::shapes;
+
+    /// A cage, points inside, on and outside it, and a pose.
+    fn case(coordinates: Coordinates) -> (CageBinding, Vec<DVec3>, Vec<DVec3>) {
+        let cage = match coordinates {
+            Coordinates::Tetrahedral => {
+                let mut faces = crate::Faces::new();
+                [[0, 2, 1], [0, 1, 3], [1, 2, 3], [0, 3, 2]].iter().for_each(|face| faces.push(face));
+                crate::Mesh::new(vec![DVec3::ZERO, DVec3::X, DVec3::Y, DVec3::Z], faces).unwrap()
+            }
+            _ => shapes::icosphere(1),
+        };
+        let cage = Cage::new(cage).unwrap();
+        let bent = |v: &DVec3| DVec3::new(1.3 * v.x + 0.2 * v.y * v.z, v.y - 0.3 * v.x * v.x, 0.8 * v.z + 0.1 * v.x);
+        let posed = cage.vertices().iter().map(bent).collect();
+        let points: Vec<DVec3> = (0..9).map(|k| DVec3::new(0.1, 0.2, 0.3) * f64::from(k) * 0.4).collect();
+        let binding = cage.bind(&points, &CageOptions { coordinates, ..CageOptions::default() }).unwrap();
+        (binding, points, posed)
+    }
+
+    const ALL: [Coordinates; 4] =
+        [Coordinates::MeanValue, Coordinates::Harmonic, Coordinates::Green, Coordinates::Tetrahedral];
+
+    #[test]
+    fn gradients_of_coordinates_make_jacobians() {
+        for coordinates in ALL {
+            let (cage, points, posed) = case(coordinates);
+            let gradients = cage.gradients_of_coordinates(&points).unwrap();
+            let controls = cage.controls(&posed);
+            let jacobians = cage.jacobians(&points, &posed).unwrap();
+            for (row, jacobian) in gradients.chunks_exact(controls.len()).zip(jacobians) {
+                let found = jacobian_of(row, &controls);
+                assert!(found.abs_diff_eq(jacobian, 1e-11), "{coordinates}: {found}, not {jacobian}");
+            }
+        }
+    }
+
+    #[test]
+    fn slopes_are_derivatives_of_the_cost() {
+        for coordinates in ALL {
+            let (cage, points, posed) = case(coordinates);
+            let witnesses = Witnesses::new(&cage, &points[..6]).unwrap();
+            let slope = cage.pulled(&posed, witnesses.slope(&cage.controls(&posed)));
+            for v in [0, 1, 3] {
+                for axis in DVec3::AXES {
+                    let at = |step: f64| {
+                        let mut moved = posed.clone();
+                        moved[v] += axis * step;
+                        witnesses.cost(&cage.controls(&moved))
+                    };
+                    let measured = (at(1e-5) - at(-1e-5)) / 2e-5;
+                    assert!((measured - slope[v].dot(axis)).abs() <= 1e-7, "{coordinates}: {measured}, {}", slope[v]);
+                }
+            }
+        }
+    }
+}
