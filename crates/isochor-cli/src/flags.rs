@@ -241,10 +241,12 @@ pub fn cage(text: &str, request: &mut Option<CageRequest>) -> Result<(), Failure
         posed: made.posed.or(said.posed),
         coordinates: if is_default { said.coordinates } else { made.coordinates },
         outside: made.outside.or(said.outside),
+        blend: made.blend.or(said.blend),
         resolution: made.resolution.or(said.resolution),
         weights: made.weights.or(said.weights),
         save_weights: made.save_weights.or(said.save_weights),
         free: made.free.or(said.free),
+        witnesses: made.witnesses.or(said.witnesses),
         stress: made.stress || said.stress,
         planes: made.planes.or(said.planes),
     });
