@@ -403,6 +403,8 @@ pub enum ColorArg {
     Steps,
     /// How far vertices moved.
     Displacement,
+    /// By what angle directions turned, beyond rotations: local stress.
+    Stress,
     /// Nothing.
     Plain,
 }

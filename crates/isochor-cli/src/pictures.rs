@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use isochor::{ColorBy, Faces, Mesh, Outcome, ViewRequest};
+use isochor::{ColorBy, Faces, Mesh, Outcome, ViewRequest, stress_angles};
 use isochor_view::{
     Coloring, MAX_SIDE, PictureOptions, Show, ShownLattice, ShownPose, StripOptions, View, animated_png, frames,
     picture, strip,
@@ -20,26 +20,32 @@ const OF_ANIMATION: [u32; 2] = [400, 400];
 /// Frames of a film in its strip at most. More: they are small; fewer: motion is lost.
 const IN_STRIP: usize = 12;
 
-/// Vertices of all frames together that are kept for its pictures at most. More: memory, 1.6 GB with their changes of volume; fewer: films
+/// Vertices of all frames together that are kept for its pictures at most. More: memory, 1.6 GB with what colours say; fewer: films
 /// of scanned models have no pictures.
 const KEPT: usize = 50_000_000;
 
 /// Pixels of all frames together in one of its pictures at most. More: memory, 1.2 GB; fewer: long films have no animation.
 const DRAWN: usize = 400_000_000;
 
-/// Poses side by side, as PNG.
-pub fn of_job(show: &Show, view: &ViewRequest) -> Vec<u8> {
+/// Poses of a job side by side, as PNG.
+pub fn of_job(show: &Show, outcome: &Outcome, view: &ViewRequest) -> Vec<u8> {
     let options = options(view, OF_PICTURE);
-    if view.color != ColorBy::Steps {
-        return picture(show, &options).png();
+    match view.color {
+        ColorBy::Volume | ColorBy::Displacement | ColorBy::Plain => picture(show, &options).png(),
+        ColorBy::Steps => picture(&in_steps(show), &options).png(),
+        ColorBy::Stress => picture(&show.clone().with_stress(outcome), &options).png(),
     }
+}
+
+/// With local volume changes from each pose to the next.
+fn in_steps<'a>(show: &Show<'a>) -> Show<'a> {
     let mut steps = show.clone();
     for (pose, pair) in steps.poses.iter_mut().skip(1).zip(show.poses.windows(2)) {
         if let [Some(before), Some(after)] = [&pair[0].volume_change, &pair[1].volume_change] {
             pose.volume_change = Some(of_step(before, after).into());
         }
     }
-    picture(&steps, &options).png()
+    steps
 }
 
 /// Local volume changes (#vertices) from one pose to the next, of those of both against rest: determinants multiply.
@@ -55,6 +61,7 @@ fn options(view: &ViewRequest, size: [u32; 2]) -> PictureOptions {
         coloring: match color {
             ColorBy::Volume | ColorBy::Steps => Coloring::VolumeChange,
             ColorBy::Displacement => Coloring::Displacement,
+            ColorBy::Stress => Coloring::Stress,
             ColorBy::Plain => Coloring::Plain,
         },
         with_lattice: lattice,
@@ -100,13 +107,15 @@ impl FilmPictures {
                 "write [surface] refine = \"off\", or [view] film = false and name no picture",
             ));
         }
-        let change = match request.job.view.color {
+        let color = request.job.view.color;
+        let change = match color {
             ColorBy::Volume => outcome.course().map(|course| course.corrected_change.into()),
             ColorBy::Steps => {
                 outcome.course().map(|course| of_step(&course.posed_change, &course.corrected_change).into())
             }
-            ColorBy::Displacement | ColorBy::Plain => None,
+            ColorBy::Displacement | ColorBy::Stress | ColorBy::Plain => None,
         };
+        let jacobians = if color == ColorBy::Stress { outcome.jacobians() } else { None };
         let of_surface = || outcome.sheet().map(|drawing| ShownLattice::of_surface(drawing.sheet()));
         let lattice = ShownLattice::of_outcome(outcome).or_else(of_surface);
         self.poses.push(ShownPose {
@@ -115,6 +124,7 @@ impl FilmPictures {
             lattice: lattice.filter(|_| request.job.view.lattice),
             volume: outcome.report.volume.as_ref().map(|volume| volume.overall.corrected),
             volume_change: change,
+            stress: jacobians.map(|jacobians| stress_angles(&jacobians).into()),
         });
         Ok(())
     }

@@ -434,6 +434,7 @@ fn apply_view_flags(job: &mut Job, args: &DeformArgs) -> Result<(), Failure> {
         Some(ColorArg::Volume) => view.color = ColorBy::Volume,
         Some(ColorArg::Steps) => view.color = ColorBy::Steps,
         Some(ColorArg::Displacement) => view.color = ColorBy::Displacement,
+        Some(ColorArg::Stress) => view.color = ColorBy::Stress,
         Some(ColorArg::Plain) => view.color = ColorBy::Plain,
         None => {}
     }

@@ -75,7 +75,7 @@ pub fn deform(request: &Request, asked: &str, terminal: &Terminal) -> Result<Rep
     let show = is_drawn.then(|| Show::of_job(rest, &outcome, course.as_ref()));
     let drawn = show.as_ref().map(|show| {
         progress.begin("draw");
-        let png = pictures::of_job(show, &request.job.view);
+        let png = pictures::of_job(show, &outcome, &request.job.view);
         writing.lap("draw");
         png
     });

@@ -1461,6 +1461,7 @@ fn every_flag_of_pictures_changes_them() {
     for flags in [
         "--color steps",
         "--color displacement",
+        "--color stress",
         "--color plain",
         "--up x",
         "--up y",

@@ -281,6 +281,19 @@ fn a_film_has_a_strip_and_an_animation_beside_its_models() {
 }
 
 #[test]
+fn films_are_coloured_by_stress() {
+    let strip = |color: &str| {
+        let view = format!("frames = 5\nview = {{ size = [100, 120], color = \"{color}\" }}");
+        let folder = Folder::with(&TWIST.replace("frames = 5", &view));
+        folder.film("--job film.toml");
+        std::fs::read(folder.path("out-strip.png")).unwrap()
+    };
+    // Neither plain, which pictures without values are, nor the usual colours.
+    let stress = strip("stress");
+    assert!(stress != strip("plain") && stress != strip("volume"));
+}
+
+#[test]
 fn strips_of_wide_panels_have_fewer_in_a_row() {
     let wide = "frames = 12\npicture = \"strip.png\"\nview = { film = false, size = [8192, 64] }";
     let folder = Folder::with(&TWIST.replace("frames = 5", wide));

@@ -1,4 +1,4 @@
-//! `--color steps` and `--size` of pictures.
+//! `--color steps`, `--color stress` and `--size` of pictures.
 
 use std::process::Command;
 
@@ -34,6 +34,29 @@ fn steps_differ_from_the_whole_change_where_there_is_a_correction() {
     // Without correction the one step is the whole change.
     let plain = |color: &'static str| draw("b.png", &[size[0], size[1], "--preserve", "free", "--color", color]);
     assert!(plain("steps") == plain("volume"));
+}
+
+/// A stretch to a half has the same stress everywhere, arccos(2√0.5/1.5): the top of the scale, so that the model has one hue. Its volume is all that a uniform
+/// scale changes: no stress, the bottom of the scale.
+#[test]
+fn stress_is_drawn_in_the_colours_of_its_scale() {
+    let folder = tempfile::tempdir().unwrap();
+    let flags = ["--size", "100x100", "--preserve", "free", "--color", "stress"];
+    // The middle of the second of two poses: its upper half, where the cube is.
+    let of = |name: &str, more: &[&str]| {
+        let png = picture(&folder, name, &[&flags[..], more].concat());
+        let mut reader = png::Decoder::new(std::io::Cursor::new(png)).read_info().unwrap();
+        let mut bytes = vec![0; reader.output_buffer_size().unwrap()];
+        let info = reader.next_frame(&mut bytes).unwrap();
+        let (x, y) = (info.width as usize * 3 / 4, info.height as usize / 3);
+        let at = 3 * (y * info.width as usize + x);
+        [bytes[at], bytes[at + 1], bytes[at + 2]]
+    };
+    // Viridis ends in yellow and begins in violet.
+    let [red, green, blue] = of("a.png", &[]);
+    assert!(red > 150 && green > 130 && blue < 100, "{red} {green} {blue}");
+    let [red, green, blue] = of("b.png", &["--stretch", "x=0.5", "--stretch", "y=0.5"]);
+    assert!(red < 120 && green < 60 && blue > 60, "{red} {green} {blue}");
 }
 
 #[test]

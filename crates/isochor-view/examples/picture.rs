@@ -2,8 +2,8 @@
 //!
 //! `cargo run --release -p isochor-view --example picture -- PICTURE.png [MODEL [JOB.toml]]`
 //!
-//! Without a model: a torus; without a job: a twist and a squash. The words `plain`, `displacement` and `y-up` change
-//! how it looks.
+//! Without a model: a torus; without a job: a twist and a squash. The words `plain`, `displacement`, `stress` and `y-up`
+//! change how it looks.
 
 use std::path::Path;
 
@@ -24,7 +24,7 @@ const JOB: &str = "
 
 fn main() -> Result<(), Box<dyn std::error::Error>> {
     let (words, paths): (Vec<_>, Vec<_>) =
-        std::env::args().skip(1).partition(|word| ["plain", "displacement", "y-up"].contains(&word.as_str()));
+        std::env::args().skip(1).partition(|word| ["plain", "displacement", "stress", "y-up"].contains(&word.as_str()));
     let has = |word: &str| words.iter().any(|w| w == word);
     let path = paths.first().ok_or("where should the picture go? picture PICTURE.png [MODEL [JOB.toml]]")?;
     let mesh = match paths.get(1) {
@@ -40,12 +40,13 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         &mut |_stage| {},
     )?;
     let course = outcome.course();
-    let show = Show::of_job(&mesh, &outcome, course.as_ref());
-    let coloring = match (has("plain"), has("displacement")) {
-        (true, _) => Coloring::Plain,
-        (_, true) => Coloring::Displacement,
-        _ => Coloring::VolumeChange,
-    };
+    let mut show = Show::of_job(&mesh, &outcome, course.as_ref());
+    let colorings =
+        [("plain", Coloring::Plain), ("displacement", Coloring::Displacement), ("stress", Coloring::Stress)];
+    let coloring = colorings.into_iter().find(|(word, _)| has(word)).map_or(Coloring::VolumeChange, |named| named.1);
+    if coloring == Coloring::Stress {
+        show = show.with_stress(&outcome);
+    }
     let view = View { up: if has("y-up") { Axis::Y } else { Axis::Z }, ..View::default() };
     let options = PictureOptions { coloring, view, ..PictureOptions::default() };
     let start = std::time::Instant::now();

@@ -40,6 +40,7 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
             }),
             volume: outcome.report.volume.map(|volume| volume.overall.corrected),
             volume_change: Some(course.corrected_change.into()),
+            stress: None,
         });
     }
     let show = Show { faces: mesh.faces(), poses };

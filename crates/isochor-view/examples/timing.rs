@@ -40,6 +40,7 @@ fn main() {
             }),
             volume: Some(0.3 * squash),
             volume_change: Some(mesh.points().iter().map(|p| squash * (1.0 + 0.15 * p.x)).collect()),
+            stress: None,
         }
     });
     let show = Show { faces: mesh.faces(), poses: poses.into() };

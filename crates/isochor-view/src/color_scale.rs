@@ -2,11 +2,13 @@
 //!
 //! A local volume change is a factor: losing half is as much as doubling. So its scale is logarithmic, symmetric about
 //! 1, and goes from blue (volume lost) over a neutral grey to red (volume gained): K. Moreland, *Diverging Color Maps
-//! for Scientific Visualization*, ISVC 2009, made to be shaded. Displacements are on viridis by S. van der Walt and N.
-//! Smith, whose lightness grows evenly.
+//! for Scientific Visualization*, ISVC 2009, made to be shaded. Displacements and local stress are on viridis by S. van
+//! der Walt and N. Smith, whose lightness grows evenly.
 //!
-//! What is no number, infinite, or a volume change that is not positive (a piece turned inside out) has no place on a
-//! scale and gets [`NO_VALUE`], a colour that no scale holds.
+//! What is no number, infinite, a volume change that is not positive or a stress of more than a right angle (a piece
+//! turned inside out) has no place on a scale and gets [`NO_VALUE`], a colour that no scale holds.
+
+use std::f64::consts::{FRAC_PI_2, PI};
 
 use crate::{image::Rgb, number};
 
@@ -57,6 +59,10 @@ const FACTORS: [f64; 2] = [1.001, 1e6];
 /// The narrowest and the widest scale of displacements, in extents.
 const DISPLACEMENTS: [f64; 2] = [1e-9, 1e9];
 
+/// The narrowest and the widest scale of local stress, in radians: a tenth of a degree, and what a piece that is flat has.
+/// Narrower: rounding is coloured; wider: nothing is there.
+const STRESSES: [f64; 2] = [0.1 / 180.0 * PI, FRAC_PI_2];
+
 /// The largest number of ticks. More: labels overlap; fewer: nothing can be read between them.
 const TICKS: usize = 7;
 
@@ -67,13 +73,30 @@ pub enum Quantity {
     VolumeChange,
     /// Distances from rest, relative to the extent of the model.
     Displacement,
+    /// Local stress: angles by which directions turn at most, in radians, from 0 to π/2; π where a piece is turned
+    /// inside out.
+    Stress,
+}
+
+impl Quantity {
+    /// What grows evenly along a scale: the logarithm of a factor, a displacement, an angle. `None` where `value` has no
+    /// place on any scale.
+    pub(crate) fn even(self, value: f64) -> Option<f64> {
+        let even = match self {
+            Self::VolumeChange if value > 0.0 => libm::log(value),
+            Self::Displacement if value >= 0.0 => value,
+            Self::Stress if (0.0..=FRAC_PI_2).contains(&value) => value,
+            _ => return None,
+        };
+        even.is_finite().then_some(even)
+    }
 }
 
 /// Colours of a range of values.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct ColorScale {
     quantity: Quantity,
-    /// Logarithm of the largest factor, or largest displacement.
+    /// Logarithm of the largest factor, largest displacement or angle.
     limit: f64,
 }
 
@@ -98,8 +121,19 @@ impl ColorScale {
     /// From 0 to `largest`, in extents of the model.
     #[must_use]
     pub fn displacement(largest: f64) -> Self {
-        let limit = if largest.is_nan() { DISPLACEMENTS[0] } else { largest.clamp(DISPLACEMENTS[0], DISPLACEMENTS[1]) };
-        Self { quantity: Quantity::Displacement, limit }
+        Self::from_nothing(Quantity::Displacement, largest, DISPLACEMENTS)
+    }
+
+    /// From 0 to `largest`, in radians.
+    #[must_use]
+    pub fn stress(largest: f64) -> Self {
+        Self::from_nothing(Quantity::Stress, largest, STRESSES)
+    }
+
+    /// From 0 to `largest`, within the ends of the narrowest and the widest scale.
+    fn from_nothing(quantity: Quantity, largest: f64, [narrowest, widest]: [f64; 2]) -> Self {
+        let limit = if largest.is_nan() { narrowest } else { largest.clamp(narrowest, widest) };
+        Self { quantity, limit }
     }
 
     /// What is coloured.
@@ -108,15 +142,12 @@ impl ColorScale {
         self.quantity
     }
 
-    /// Where `value` (a factor, or a displacement in extents) is on the scale: 0 at the low end, 1 at the high end,
+    /// Where `value` (a factor, a displacement in extents, an angle in radians) is on the scale: 0 at the low end, 1 at the high end,
     /// beyond where it is beyond. `None` where it has no place.
     #[must_use]
     pub fn place(&self, value: f64) -> Option<f64> {
-        let place = match self.quantity {
-            Quantity::VolumeChange if value > 0.0 => 0.5 + 0.5 * libm::log(value) / self.limit,
-            Quantity::Displacement if value >= 0.0 => value / self.limit,
-            _ => return None,
-        };
+        let even = self.quantity.even(value)? / self.limit;
+        let place = if self.quantity == Quantity::VolumeChange { 0.5 + 0.5 * even } else { even };
         place.is_finite().then_some(place)
     }
 
@@ -138,29 +169,29 @@ impl ColorScale {
                 let between = |a: u8, b: u8| (f64::from(a) + (f64::from(b) - f64::from(a)) * part).round() as u8;
                 std::array::from_fn(|i| between(low[i], high[i]))
             }
-            Quantity::Displacement => colorous::VIRIDIS.eval_continuous(place).as_array(),
+            Quantity::Displacement | Quantity::Stress => colorous::VIRIDIS.eval_continuous(place).as_array(),
         }
     }
 
-    /// Ticks at round percentages, from low to high.
+    /// Ticks at round percentages or degrees, from low to high.
     #[must_use]
     pub fn ticks(&self) -> Vec<Tick> {
-        let tick = |percent: f64| {
-            let value = percent / 100.0;
-            let value = if self.quantity == Quantity::VolumeChange { 1.0 + value } else { value };
+        let tick = |round: f64| {
+            let (value, label) = match self.quantity {
+                Quantity::VolumeChange => (1.0 + round / 100.0, number::signed_percent(round)),
+                Quantity::Displacement => (round / 100.0, number::percent(round)),
+                // So a right angle comes out as one.
+                Quantity::Stress => (round / 180.0 * PI, number::degrees(round)),
+            };
             let at = self.place(value)?;
             // Rounding must not take away the tick at an end.
-            let label = match self.quantity {
-                Quantity::VolumeChange => number::signed_percent(percent),
-                Quantity::Displacement => number::percent(percent),
-            };
             (-1e-9..=1.0 + 1e-9).contains(&at).then(|| Tick { at: at.clamp(0.0, 1.0), label })
         };
-        self.percentages().into_iter().filter_map(tick).collect()
+        self.round_values().into_iter().filter_map(tick).collect()
     }
 
-    /// Percentages with ticks, some of them perhaps beyond the ends.
-    fn percentages(&self) -> Vec<f64> {
+    /// Percentages or degrees with ticks, some of them perhaps beyond the ends.
+    fn round_values(&self) -> Vec<f64> {
         let powers = |base: f64| {
             let count = (self.limit / libm::log(base) + 1e-9) as i32;
             let stride = (2 * count as usize + 1).div_ceil(TICKS);
@@ -169,6 +200,11 @@ impl ColorScale {
         };
         match self.quantity {
             Quantity::Displacement => multiples(0.0, self.limit * 100.0),
+            // Parts of a right angle; smaller ones in decimal steps.
+            Quantity::Stress => match self.limit / PI * 180.0 {
+                degrees if degrees > 60.0 * (1.0 + 1e-9) => (0..=6).map(|k| 15.0 * f64::from(k)).collect(),
+                degrees => multiples(0.0, degrees),
+            },
             Quantity::VolumeChange => match libm::exp(self.limit) * (1.0 + 1e-9) {
                 // Equal steps in percent, while they look about equal.
                 factor if factor < 2.1 => multiples((1.0 / factor - 1.0) * 100.0, (factor - 1.0) * 100.0),

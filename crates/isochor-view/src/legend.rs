@@ -30,6 +30,7 @@ impl Legend<'_> {
         let name = match self.scale.quantity() {
             Quantity::VolumeChange => "local volume change",
             Quantity::Displacement => "displacement in percent of the extent",
+            Quantity::Stress => "local stress",
         };
         self.lettering.write_centered(image, name, [middle, top], width);
         let [left, right] = [(middle - width / 2.0).round() as isize, (middle + width / 2.0).round() as isize];
@@ -63,8 +64,8 @@ impl Legend<'_> {
             image.fill([start, high], [end, low], NO_VALUE);
             let beside = [end as f32 + line * 0.3, (high + low) as f32 / 2.0 - line / 2.0];
             let meaning = match self.scale.quantity() {
-                // A piece whose volume changed by a negative factor has no logarithm.
-                Quantity::VolumeChange => "inside out",
+                // A piece whose volume changed by a negative factor has no logarithm, and its stress is beyond a right angle.
+                Quantity::VolumeChange | Quantity::Stress => "inside out",
                 Quantity::Displacement => "no value",
             };
             self.lettering.write(image, meaning, beside);

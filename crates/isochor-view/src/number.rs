@@ -43,6 +43,11 @@ pub(crate) fn signed_percent(percent: f64) -> String {
     if percent > 0.0 { format!("+{} %", plain(percent)) } else { format!("{} %", plain(percent)) }
 }
 
+/// An angle: "12.5°".
+pub(crate) fn degrees(degrees: f64) -> String {
+    format!("{}°", plain(degrees))
+}
+
 /// Up to six digits, no zeros behind them.
 fn plain(value: f64) -> String {
     let scientific = format!("{value:e}");
@@ -126,5 +131,6 @@ mod tests {
         }
         assert_eq!(percent(0.05), "0.05 %");
         assert_eq!(percent(2e-8), "2·10⁻⁸ %");
+        assert_eq!((degrees(0.02), degrees(30.0)), ("0.02°".into(), "30°".into()));
     }
 }

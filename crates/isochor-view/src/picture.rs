@@ -1,12 +1,13 @@
 //! Pictures: poses side by side or in rows, with captions and a scale, all with one camera.
 
+use std::borrow::Cow;
 use std::ops::Range;
 
 use glam::DVec3;
 use isochor::{Bounds, NetDrawing, NetKind};
 
 use crate::camera::{Camera, View};
-use crate::color_scale::ColorScale;
+use crate::color_scale::{ColorScale, Quantity};
 use crate::image::{Image, Rgb};
 use crate::legend::{Legend, NodeKey};
 use crate::panel::{Panel, is_inside_out};
@@ -25,6 +26,20 @@ pub enum Coloring {
     VolumeChange,
     /// How far vertices are from where they are in the first pose, which stays plain.
     Displacement,
+    /// Local stress, where poses have it.
+    Stress,
+}
+
+impl Coloring {
+    /// What is coloured; `None`: nothing.
+    fn quantity(self) -> Option<Quantity> {
+        match self {
+            Self::Plain => None,
+            Self::VolumeChange => Some(Quantity::VolumeChange),
+            Self::Displacement => Some(Quantity::Displacement),
+            Self::Stress => Some(Quantity::Stress),
+        }
+    }
 }
 
 /// How a picture looks.
@@ -110,8 +125,8 @@ fn named(_index: usize, pose: &ShownPose) -> String {
     pose.name.clone()
 }
 
-/// Of the logarithms of volume changes, and of displacements, this part is within the scale. Larger: a few folds at
-/// sharp corners take all colours; smaller: large changes look alike.
+/// Of the logarithms of volume changes, of displacements and of angles this part is within the scale. Larger: a few
+/// folds at sharp corners take all colours; smaller: large changes look alike.
 const WITHIN: f64 = 0.98;
 
 /// Scales of volume changes end at one of these factors.
@@ -173,12 +188,11 @@ impl<'a> Scene<'a> {
     /// What is coloured of a pose: a value per vertex. `None` where it is plain.
     fn values(&self, pose: usize) -> Option<Vec<f64>> {
         let vertices = self.surface.vertices();
+        let of_all = |values: &Option<Cow<[f64]>>| values.as_deref()?.get(..vertices).map(<[f64]>::to_vec);
         match self.options.coloring {
             Coloring::Plain => None,
-            Coloring::VolumeChange => {
-                let change = self.show.poses[pose].volume_change.as_deref()?;
-                (change.len() >= vertices).then(|| change[..vertices].to_vec())
-            }
+            Coloring::VolumeChange => of_all(&self.show.poses[pose].volume_change),
+            Coloring::Stress => of_all(&self.show.poses[pose].stress),
             Coloring::Displacement if pose == 0 => None,
             Coloring::Displacement => {
                 let [rest, posed] = [0, pose].map(|pose| &self.show.poses[pose].points[..]);
@@ -192,12 +206,11 @@ impl<'a> Scene<'a> {
 
     /// A scale for all poses, and whether a value has no place on it. `None` where nothing is coloured.
     fn fitted_scale(&self) -> (Option<ColorScale>, bool) {
+        let Some(quantity) = self.options.coloring.quantity() else { return (None, false) };
         let (mut largest, mut with_no_value, mut is_colored) = (0.0f64, false, false);
-        let is_change = self.options.coloring == Coloring::VolumeChange;
         for values in (0..self.show.poses.len()).filter_map(|pose| self.values(pose)) {
             is_colored = true;
-            let size = |v: usize| if is_change { libm::log(values[v]).abs() } else { values[v] };
-            let mut sizes = parallel::collect(values.len(), size);
+            let mut sizes = parallel::collect(values.len(), |v| quantity.even(values[v]).map_or(f64::NAN, f64::abs));
             sizes.retain(|size| size.is_finite());
             with_no_value |= sizes.len() < values.len();
             let within = ((sizes.len() as f64 * WITHIN) as usize).min(sizes.len().saturating_sub(1));
@@ -205,9 +218,15 @@ impl<'a> Scene<'a> {
                 largest = largest.max(*sizes.select_nth_unstable_by(within, f64::total_cmp).1);
             }
         }
-        let factor = libm::exp(largest.min(1e3)) * (1.0 - 1e-9);
-        let factor = FACTORS.into_iter().find(|f| *f >= factor).unwrap_or(FACTORS[FACTORS.len() - 1]);
-        let scale = if is_change { ColorScale::volume_change(factor) } else { ColorScale::displacement(largest) };
+        let scale = match quantity {
+            Quantity::VolumeChange => {
+                let factor = libm::exp(largest.min(1e3)) * (1.0 - 1e-9);
+                let factor = FACTORS.into_iter().find(|f| *f >= factor).unwrap_or(FACTORS[FACTORS.len() - 1]);
+                ColorScale::volume_change(factor)
+            }
+            Quantity::Displacement => ColorScale::displacement(largest),
+            Quantity::Stress => ColorScale::stress(largest),
+        };
         (is_colored.then_some(scale), with_no_value)
     }
 

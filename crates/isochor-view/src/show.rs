@@ -3,7 +3,7 @@
 use std::borrow::Cow;
 
 use glam::DVec3;
-use isochor::{Course, DragPlane, Faces, Mesh, NetDrawing, Outcome, PosedCage, PosedLattice, Sheet};
+use isochor::{Course, DragPlane, Faces, Mesh, NetDrawing, Outcome, PosedCage, PosedLattice, Sheet, stress_angles};
 
 /// Poses of one model.
 #[derive(Clone, Debug)]
@@ -27,6 +27,9 @@ pub struct ShownPose<'a> {
     pub volume: Option<f64>,
     /// Local volume change against rest (#vertices): 1 where a small piece keeps its volume, 0.5 where half of it is left.
     pub volume_change: Option<Cow<'a, [f64]>>,
+    /// Local stress against rest (#vertices), in radians: 0 where a small piece is turned and scaled only, π where it is turned
+    /// inside out.
+    pub stress: Option<Cow<'a, [f64]>>,
 }
 
 /// The control points of a lattice; or the points of a grid, as a lattice of one layer, of which pictures show the lines alone.
@@ -78,6 +81,7 @@ impl<'a> Show<'a> {
             lattice: None,
             volume: row.map(|row| row.rest),
             volume_change: None,
+            stress: None,
         };
         let mut show = Self { faces: mesh.faces(), poses: vec![rest] };
         let Some(course) = course else { return show };
@@ -104,6 +108,7 @@ impl<'a> Show<'a> {
             lattice: lattice(&course.posed_controls),
             volume: row.map(|row| row.posed),
             volume_change: Some((&course.posed_change[..]).into()),
+            stress: None,
         });
         if outcome.report.correction.method != "none" {
             show.poses.push(ShownPose {
@@ -112,12 +117,27 @@ impl<'a> Show<'a> {
                 lattice: lattice(controls.as_ref().map_or(&[], |c| c.posed)),
                 volume: row.map(|row| row.corrected),
                 volume_change: Some((&course.corrected_change[..]).into()),
+                stress: None,
             });
         }
         if let Some(last) = show.poses.last_mut().and_then(|pose| pose.lattice.as_mut()) {
             last.planes = planes();
         }
         show
+    }
+
+    /// The show [of a job](Show::of_job) with local stress, deformed and corrected, which pictures coloured by it need.
+    #[must_use]
+    pub fn with_stress(mut self, outcome: &Outcome) -> Self {
+        for (index, pose) in self.poses.iter_mut().enumerate() {
+            let jacobians = match index {
+                0 => None,
+                1 => outcome.posed_jacobians(),
+                _ => outcome.jacobians(),
+            };
+            pose.stress = jacobians.map(|jacobians| stress_angles(&jacobians).into());
+        }
+        self
     }
 }
 

@@ -12,6 +12,7 @@ fn image(frame: u8, width: usize, height: usize) -> Image {
         lattice: None,
         volume: None,
         volume_change: None,
+        stress: None,
     };
     let show = Show { faces: mesh.faces(), poses: vec![pose] };
     picture(&show, &PictureOptions { panel: [width, height], ..PictureOptions::default() })

@@ -372,8 +372,14 @@ fn what_is_up_is_up() {
         let mesh = Story::twisted_cube().mesh;
         let mut points = mesh.points().to_vec();
         points.iter_mut().for_each(|p| p[tall] *= 4.0);
-        let pose =
-            ShownPose { name: "tower".into(), points: points.into(), lattice: None, volume: None, volume_change: None };
+        let pose = ShownPose {
+            name: "tower".into(),
+            points: points.into(),
+            lattice: None,
+            volume: None,
+            volume_change: None,
+            stress: None,
+        };
         let show = Show { faces: mesh.faces(), poses: vec![pose] };
         let contents =
             Page { title: "tower".into(), job: None, report: &report, pictures: Vec::new(), show: Some(&show), up };

@@ -1,5 +1,7 @@
 //! Colour scales: the published map against its formula, places, ticks.
 
+use std::f64::consts::{FRAC_PI_2, FRAC_PI_4, PI};
+
 use isochor_view::{ColorScale, NO_VALUE, Quantity};
 
 /// A colour of Moreland's construction: polar coordinates (M, s, h) in CIELAB, then sRGB. White point D65.
@@ -62,23 +64,35 @@ fn what_has_no_place_has_its_own_colour() {
     for value in [f64::NAN, f64::INFINITY, -0.1] {
         assert_eq!(scale.color(value), NO_VALUE, "{value}");
     }
-    for scale in [ColorScale::volume_change(2.0), scale] {
+    let stress = ColorScale::stress(1.0);
+    for value in [f64::NAN, f64::INFINITY, -0.1, FRAC_PI_2.next_up(), PI] {
+        assert_eq!((stress.place(value), stress.color(value)), (None, NO_VALUE), "{value}");
+    }
+    for scale in [ColorScale::volume_change(2.0), scale, stress] {
         assert!((0..=1000).all(|i| scale.color_at(f64::from(i) / 1000.0) != NO_VALUE));
     }
 }
 
 #[test]
-fn displacements_go_from_dark_to_light() {
-    let scale = ColorScale::displacement(0.25);
-    // The ends of viridis.
-    assert_eq!(scale.color(0.0), [68, 1, 84]);
-    assert_eq!(scale.color(0.25), [253, 231, 37]);
-    assert_eq!(scale.place(0.125), Some(0.5));
-    let lightness = |i: u32| {
-        let [r, g, b] = scale.color_at(f64::from(i) / 50.0).map(|c| (f64::from(c) / 255.0).powf(2.2));
-        0.2126 * r + 0.7152 * g + 0.0722 * b
-    };
-    assert!((0..50).all(|i| lightness(i) < lightness(i + 1)));
+fn displacements_and_stress_go_from_dark_to_light() {
+    for (scale, largest) in [(ColorScale::displacement(0.25), 0.25), (ColorScale::stress(FRAC_PI_4), FRAC_PI_4)] {
+        // The ends of viridis.
+        assert_eq!(scale.color(0.0), [68, 1, 84]);
+        assert_eq!(scale.color(largest), [253, 231, 37]);
+        assert_eq!(scale.place(largest / 2.0), Some(0.5));
+        let lightness = |i: u32| {
+            let [r, g, b] = scale.color_at(f64::from(i) / 50.0).map(|c| (f64::from(c) / 255.0).powf(2.2));
+            0.2126 * r + 0.7152 * g + 0.0722 * b
+        };
+        assert!((0..50).all(|i| lightness(i) < lightness(i + 1)));
+    }
+    let stress = ColorScale::stress(FRAC_PI_4);
+    assert_eq!(stress.quantity(), Quantity::Stress);
+    // Beyond the end, up to what is flat: the colour of the end.
+    assert_eq!(stress.color(FRAC_PI_2), [253, 231, 37]);
+    // There are no scales beyond a right angle, and none of rounding.
+    assert_eq!(ColorScale::stress(PI), ColorScale::stress(FRAC_PI_2));
+    assert_eq!(ColorScale::stress(1e-15), ColorScale::stress(0.0));
 }
 
 #[test]
@@ -93,6 +107,13 @@ fn ticks_are_round_and_where_they_belong() {
     assert_eq!(labels(change(1.001)), ["−0.05 %", "0 %", "+0.05 %", "+0.1 %"]);
     assert_eq!(labels(ColorScale::displacement(0.3)), ["0 %", "5 %", "10 %", "15 %", "20 %", "25 %", "30 %"]);
     assert_eq!(labels(ColorScale::displacement(0.73)), ["0 %", "20 %", "40 %", "60 %"]);
+    let stress = |degrees: f64| labels(ColorScale::stress(degrees.to_radians()));
+    assert_eq!(stress(90.0), ["0°", "15°", "30°", "45°", "60°", "75°", "90°"]);
+    assert_eq!(stress(61.0), ["0°", "15°", "30°", "45°", "60°"]);
+    assert_eq!(stress(60.0), ["0°", "10°", "20°", "30°", "40°", "50°", "60°"]);
+    assert_eq!(stress(31.0), ["0°", "5°", "10°", "15°", "20°", "25°", "30°"]);
+    assert_eq!(stress(0.0), ["0°", "0.02°", "0.04°", "0.06°", "0.08°", "0.1°"]);
+    assert!((ColorScale::stress(61f64.to_radians()).ticks()[2].at - 30.0 / 61.0).abs() < 1e-12);
     let ticks = change(4.0).ticks();
     for (tick, expected) in ticks.iter().zip([0.0, 0.25, 0.5, 0.75, 1.0]) {
         assert!((tick.at - expected).abs() < 1e-12, "{tick:?}");
@@ -103,7 +124,7 @@ fn ticks_are_round_and_where_they_belong() {
 fn every_scale_has_ticks_but_not_too_many() {
     for exponent in -400..400 {
         let size = 10f64.powf(f64::from(exponent) / 20.0);
-        for scale in [ColorScale::volume_change(1.0 + size), ColorScale::displacement(size)] {
+        for scale in [ColorScale::volume_change(1.0 + size), ColorScale::displacement(size), ColorScale::stress(size)] {
             let ticks = scale.ticks();
             assert!((2..=7).contains(&ticks.len()), "{scale:?}: {ticks:?}");
             assert!(ticks.windows(2).all(|pair| pair[0].at < pair[1].at), "{ticks:?}");
@@ -115,7 +136,7 @@ fn every_scale_has_ticks_but_not_too_many() {
 #[test]
 fn scales_of_nothing_are_scales() {
     for size in [0.0, -1.0, f64::NAN, f64::INFINITY] {
-        for scale in [ColorScale::volume_change(size), ColorScale::displacement(size)] {
+        for scale in [ColorScale::volume_change(size), ColorScale::displacement(size), ColorScale::stress(size)] {
             assert!(!scale.ticks().is_empty(), "{size}");
         }
     }

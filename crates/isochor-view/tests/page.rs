@@ -63,6 +63,7 @@ fn shown<'a>(faces: &'a Faces, poses: Vec<Vec<DVec3>>) -> Show<'a> {
         lattice: None,
         volume: None,
         volume_change: None,
+        stress: None,
     };
     Show { faces, poses: poses.into_iter().enumerate().map(pose).collect() }
 }

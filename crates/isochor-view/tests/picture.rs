@@ -4,16 +4,23 @@ use std::borrow::Cow;
 use std::f64::consts::PI;
 
 use glam::DVec3;
-use isochor::{Faces, Job, JobInput, Mesh, NetDrawing, NetKind, Source, shapes};
+use isochor::{CageInput, Faces, Job, JobInput, Mesh, NetDrawing, NetKind, Source, shapes};
 use isochor_view::{
-    Camera, Coloring, Image, NO_VALUE, PictureOptions, Rgb, Show, ShownLattice, ShownPose, StripOptions, frames,
-    picture, strip,
+    Camera, ColorScale, Coloring, Image, NO_VALUE, PictureOptions, Rgb, Show, ShownLattice, ShownPose, StripOptions,
+    frames, picture, strip,
 };
 
 const WHITE: Rgb = [255; 3];
 
 fn pose(points: &[DVec3]) -> ShownPose<'_> {
-    ShownPose { name: "rest".into(), points: points.into(), lattice: None, volume: None, volume_change: None }
+    ShownPose {
+        name: "rest".into(),
+        points: points.into(),
+        lattice: None,
+        volume: None,
+        volume_change: None,
+        stress: None,
+    }
 }
 
 fn show<'a>(faces: &'a Faces, points: &'a [DVec3]) -> Show<'a> {
@@ -61,7 +68,7 @@ fn with_job<R>(mesh: &Mesh, f: impl FnOnce(&Show) -> R) -> R {
     let input = JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None, cage: None };
     let outcome = Job::from_toml(job).unwrap().run(&input, &mut |_stage| {}).unwrap();
     let course = outcome.course();
-    f(&Show::of_job(mesh, &outcome, course.as_ref()))
+    f(&Show::of_job(mesh, &outcome, course.as_ref()).with_stress(&outcome))
 }
 
 fn block(image: &Image, [left, top]: [usize; 2], [width, height]: [usize; 2]) -> Vec<Rgb> {
@@ -72,7 +79,7 @@ fn block(image: &Image, [left, top]: [usize; 2], [width, height]: [usize; 2]) ->
 fn bits_do_not_depend_on_the_number_of_threads() {
     let mesh = shapes::eared_ball(4);
     with_job(&mesh, |show| {
-        for coloring in [Coloring::Plain, Coloring::VolumeChange, Coloring::Displacement] {
+        for coloring in [Coloring::Plain, Coloring::VolumeChange, Coloring::Displacement, Coloring::Stress] {
             let options = PictureOptions { panel: [200, 180], coloring, ..PictureOptions::default() };
             let drawn = |threads: usize| {
                 let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
@@ -218,18 +225,101 @@ fn colours_are_those_of_the_scale() {
     assert_eq!(no_values[0], no_values[2]);
 }
 
+/// The pixel in the middle of the first panel, as light: in squares of what files hold.
+fn middle(image: &Image) -> DVec3 {
+    light(image.pixel(10 + 96 / 2, image.height() / 3))
+}
+
+fn light(color: Rgb) -> DVec3 {
+    DVec3::from_array(color.map(|c| (f64::from(c) / 255.0).powi(2)))
+}
+
+/// A show of a cube, its front before the viewer, in poses of these stresses in radians.
+fn with_front<R>(stresses: &[f64], f: impl FnOnce(&Show, &PictureOptions) -> R) -> R {
+    let cube = shapes::cube(2);
+    let mut show = show(cube.faces(), cube.points());
+    show.poses = vec![pose(cube.points()); stresses.len()];
+    for (pose, stress) in show.poses.iter_mut().zip(stresses) {
+        pose.stress = Some(Cow::Owned(vec![*stress; cube.points().len()]));
+    }
+    let camera = Some(Camera::looking(DVec3::new(0.5, -4.0, 0.5), DVec3::new(0.5, 0.0, 0.5), DVec3::Z));
+    f(&show, &PictureOptions { coloring: Coloring::Stress, camera, ..small() })
+}
+
+#[test]
+fn stress_has_the_colours_of_one_scale_for_all_poses() {
+    // θ of stretches of 1, 0.7 and 0.4, a quarter and the half of it; and pieces that are inside out.
+    let theta = (2.0 * 0.4f64.sqrt() / 1.4).acos();
+    let stresses = [theta, theta / 4.0, theta / 2.0, 0.0, PI];
+    let scale = ColorScale::stress(theta);
+    let images = with_front(&stresses, frames);
+    // Light from a surface is its colour times what falls on it, and a highlight, alike in all poses: from the first pose.
+    let (base, seen) = (light(scale.color_at(1.0)), middle(&images[0]));
+    let falling = (seen.x - seen.z) / (base.x - base.z);
+    let highlight = seen - base * falling;
+    assert!(falling > 0.6 && (highlight - DVec3::splat(highlight.x)).abs().max_element() < 0.01, "{seen}");
+    for (stress, image) in stresses.iter().zip(&images) {
+        let expected = light(scale.color(*stress)) * falling + highlight;
+        assert!((middle(image) - expected).abs().max_element() < 0.02, "{stress}: {} {expected}", middle(image));
+        assert!(image.pixels().contains(&NO_VALUE), "all poses have the legend, which shows what is inside out");
+        // And the ends of the scale.
+        assert!([0.0, 1.0].map(|place| scale.color_at(place)).iter().all(|end| image.pixels().contains(end)));
+    }
+    let sound = with_front(&stresses[..4], frames);
+    assert!(sound.iter().all(|image| !image.pixels().contains(&NO_VALUE)));
+    // A right angle, of flat pieces, has its place.
+    assert!(!with_front(&[PI / 2.0], picture).pixels().contains(&NO_VALUE));
+}
+
+/// A stretch by 1, 1.5 and 0.6 has the angle arccos(2√(ac)/(a+c)) everywhere, by a lattice as by a cage; a turn with a uniform scale has none, and a
+/// reflection turns inside out.
+#[test]
+fn jobs_have_the_stress_of_their_maps() {
+    let mesh = shapes::icosphere(2);
+    let cage = CageInput {
+        mesh: shapes::cube(1).with_points(shapes::cube(1).points().iter().map(|p| *p * 4.0 - 2.0).collect()).unwrap(),
+        posed: None,
+        weights: None,
+    };
+    let stretch = (2.0 * (1.5f64 * 0.6).sqrt() / 2.1).acos();
+    for (edits, expected, tolerance) in [
+        ("[[edit]]\nscale = { by = [1, 1.5, 0.6] }\n", stretch, 1e-12),
+        ("[[edit]]\nscale = { by = 1.7 }\n[[edit]]\nrotate = { axis = [1, 2, 2], degrees = 70 }\n", 0.0, 1e-12),
+        ("[[edit]]\nscale = { by = [1, -1.5, 0.6] }\n", PI, 0.0),
+    ] {
+        for section in ["[lattice]\nsize = 4\n", "[cage]\nfile = 'cage.obj'\n"] {
+            let job = format!("{section}{edits}[preserve]\nvolume = 'free'\n");
+            let source = Source::of(&mesh);
+            let input = JobInput { mesh: &mesh, source: &source, lattice: None, surface: None, cage: Some(&cage) };
+            let outcome = Job::from_toml(&job).unwrap().run(&input, &mut |_stage| {}).unwrap();
+            let course = outcome.course();
+            let show = Show::of_job(&mesh, &outcome, course.as_ref());
+            assert!(show.poses.iter().all(|pose| pose.stress.is_none()), "nothing is computed that is not asked for");
+            let show = show.with_stress(&outcome);
+            let [rest, deformed] = &show.poses[..] else { panic!("two poses of {job}") };
+            assert!(rest.stress.is_none());
+            let stress = deformed.stress.as_deref().unwrap();
+            assert_eq!(stress.len(), mesh.points().len());
+            assert!(stress.iter().all(|angle| (angle - expected).abs() <= tolerance), "{job}: {stress:?}");
+        }
+    }
+}
+
 #[test]
 fn without_values_the_model_is_plain_and_has_no_bar() {
     let mesh = shapes::icosphere(2);
     let show = show(mesh.faces(), mesh.points());
     let plain = picture(&show, &small());
-    for coloring in [Coloring::VolumeChange, Coloring::Displacement] {
+    for coloring in [Coloring::VolumeChange, Coloring::Displacement, Coloring::Stress] {
         assert_eq!(picture(&show, &PictureOptions { coloring, ..small() }), plain);
     }
     // Too few values are none.
     let mut short = show.clone();
     short.poses[0].volume_change = Some(Cow::Owned(vec![1.0; 3]));
-    assert_eq!(picture(&short, &PictureOptions { coloring: Coloring::VolumeChange, ..small() }), plain);
+    short.poses[0].stress = short.poses[0].volume_change.clone();
+    for coloring in [Coloring::VolumeChange, Coloring::Stress] {
+        assert_eq!(picture(&short, &PictureOptions { coloring, ..small() }), plain);
+    }
 }
 
 #[test]
@@ -463,12 +553,13 @@ fn nothing_to_draw_is_an_empty_page() {
     for (faces, points) in
         [(&none, &[][..]), (&none, &point), (&line, &[DVec3::ZERO, DVec3::X]), (&line, &[DVec3::NAN, DVec3::NAN])]
     {
-        for coloring in [Coloring::Plain, Coloring::VolumeChange, Coloring::Displacement] {
+        for coloring in [Coloring::Plain, Coloring::VolumeChange, Coloring::Displacement, Coloring::Stress] {
             let mut show = show(faces, points);
             show.poses.push(pose(points));
             show.poses.iter_mut().for_each(|pose| {
                 pose.name.clear();
                 pose.volume_change = Some(Cow::Owned(vec![1.0; points.len()]));
+                pose.stress = pose.volume_change.clone();
             });
             let options = PictureOptions { coloring, ..small() };
             let image = picture(&show, &options);
@@ -502,7 +593,7 @@ fn poses_of_different_length_show_what_all_of_them_have() {
     // Faces that the last pose has no vertices for are seen in none.
     show.poses.push(pose(&mesh.points()[..40]));
     show.poses.push(pose(&[]));
-    for coloring in [Coloring::Plain, Coloring::VolumeChange, Coloring::Displacement] {
+    for coloring in [Coloring::Plain, Coloring::VolumeChange, Coloring::Displacement, Coloring::Stress] {
         assert!(frames(&show, &PictureOptions { coloring, ..small() }).windows(2).all(|pair| pair[0] == pair[1]));
     }
 }

@@ -103,6 +103,8 @@ pub enum ColorBy {
     Steps,
     /// How far vertices moved.
     Displacement,
+    /// By what angle directions turned, beyond rotations: local stress.
+    Stress,
     /// Nothing.
     Plain,
 }

@@ -238,7 +238,7 @@ pub use job_text::JobTextError;
 pub use lattice::{Frame, Lattice, LatticeError, MAX_CONTROLS, Outside};
 pub use least_stress::LeastStressReport;
 pub use levels::{Level, LevelOptions, Levels, TriangleError};
-pub use local_stress::{LocalStress, StressReport};
+pub use local_stress::{LocalStress, StressReport, stress_angles};
 pub use locality::{LocalityOptions, local_mobility, volume_loss};
 pub use locate::LocateError;
 pub use mesh::{Bounds, Faces, Mesh, MeshError, fan};

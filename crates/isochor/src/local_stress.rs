@@ -17,6 +17,8 @@ use std::f64::consts::PI;
 
 use glam::{DMat3, DVec3};
 
+use crate::parallel;
+
 /// How a deformation stretches a small piece.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct LocalStress {
@@ -79,6 +81,12 @@ impl LocalStress {
     pub fn is_inverted(&self) -> bool {
         self.singular_values[2] < 0.0
     }
+}
+
+/// The angles θ of a deformation's Jacobian matrices at some points (#points), in radians: 0 for similarities, π where it turns inside out.
+#[must_use]
+pub fn stress_angles(jacobians: &[DMat3]) -> Vec<f64> {
+    parallel::collect(jacobians.len(), |i| LocalStress::of(&jacobians[i]).angle())
 }
 
 /// [`LocalStress::sine`] of a Jacobian matrix and its derivatives by the entries. Where two singular values are the same it has no derivative; then that of

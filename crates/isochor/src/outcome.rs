@@ -1318,6 +1318,15 @@ impl Outcome {
         self.jacobians_of(|d| &d.displacement)
     }
 
+    /// The same before the correction: ∂(posed)/∂(rest) (#vertices).
+    #[must_use]
+    pub fn posed_jacobians(&self) -> Option<Vec<DMat3>> {
+        match (&self.deformation, &self.along) {
+            (None, Some(along)) => Some(along.posed_jacobians()),
+            _ => self.jacobians_of(|d| &d.posed),
+        }
+    }
+
     /// Those with some displacement of a lattice's controls, after what was done along a surface.
     fn jacobians_of(&self, displacement: impl Fn(&Deformation) -> &[DVec3]) -> Option<Vec<DMat3>> {
         let lattice = self
@@ -1344,11 +1353,10 @@ impl Outcome {
         let placed = self.along.as_ref().map_or(1.0, |along| along.report.scale.powi(3));
         let determinants =
             |jacobians: Vec<DMat3>| jacobians.iter().map(|j| j.determinant() / placed).collect::<Vec<f64>>();
-        let corrected_change = determinants(self.jacobians()?);
+        let [posed_change, corrected_change] = [self.posed_jacobians()?, self.jacobians()?].map(determinants);
         let Some(d) = &self.deformation else {
             let along = self.along.as_ref()?;
             let posed = along.posed.points.clone();
-            let posed_change = determinants(along.posed_jacobians());
             return Some(Course { posed, posed_controls: Vec::new(), posed_change, corrected_change });
         };
         let binding = d.deformer.binding(&d.rest_points, false).ok()?; // it was bound before
@@ -1356,7 +1364,7 @@ impl Outcome {
         Some(Course {
             posed: translated(&binding.displaced(&d.rest_points, &spread), d.origin),
             posed_controls: translated(&displaced(&d.rest_controls, &d.posed), d.origin),
-            posed_change: determinants(self.jacobians_of(|d| &d.posed)?),
+            posed_change,
             corrected_change,
         })
     }

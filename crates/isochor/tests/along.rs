@@ -4,7 +4,7 @@
 use std::f64::consts::TAU;
 
 use glam::DVec3;
-use isochor::{Film, Job, JobError, JobInput, Mesh, Outcome, Source, shapes, topology};
+use isochor::{Film, Job, JobError, JobInput, Mesh, Outcome, Source, shapes, stress_angles, topology};
 
 fn run(mesh: &Mesh, toml: &str) -> Result<Outcome, JobError> {
     let input = JobInput { mesh, source: &Source::of(mesh), lattice: None, surface: None, cage: None };
@@ -101,6 +101,26 @@ fn jacobians_are_the_derivatives_of_what_was_done() {
     assert!(outcome.report.warnings.iter().any(|w| w.contains("2 times as large")));
     let course = run(&plate(), toml).unwrap().course().unwrap();
     assert!(course.posed_change.iter().chain(&course.corrected_change).all(|change| (change - 1.0).abs() < 1e-13));
+}
+
+/// On a cylinder of radius R a piece at height h is stretched by 1 + h/R around and by 1 along; where heights are scaled by s, by 1 + s h/R, 1 and s.
+#[test]
+fn stress_along_a_cylinder_is_that_of_its_stretches() {
+    let outcome = run(&plate(), CYLINDER).unwrap();
+    let scale = outcome.report.surface.as_ref().unwrap().height_scale.unwrap();
+    assert!((0.85..0.95).contains(&scale), "{scale}");
+    let angle = |largest: f64, least: f64| (2.0 * (largest * least).sqrt() / (largest + least)).min(1.0).acos();
+    // At the top of the plate, 0.1 high; its lower side is on the cylinder.
+    let expected = |top: bool, scale: f64| angle(if top { 1.0 + 0.2 * scale } else { 1.0 }, scale);
+    for (jacobians, points, scale) in [
+        (outcome.posed_jacobians(), &outcome.course().unwrap().posed, 1.0),
+        (outcome.jacobians(), &outcome.points, scale),
+    ] {
+        for (found, p) in stress_angles(&jacobians.unwrap()).iter().zip(points) {
+            let expected = expected(p.truncate().length() > 0.51, scale);
+            assert!((found - expected).abs() < 1e-5, "{found} instead of {expected} at {p}");
+        }
+    }
 }
 
 #[test]

@@ -183,6 +183,19 @@ fn free_volume_is_measured_and_not_corrected() {
 }
 
 #[test]
+fn derivatives_before_the_correction_are_those_without_one() {
+    let mesh = icosphere(2);
+    let corrected = run(&mesh, EDITS).unwrap();
+    let free = run(&mesh, &format!("{EDITS}[preserve]\nvolume = 'free'\n")).unwrap();
+    assert_eq!(corrected.posed_jacobians(), free.jacobians());
+    assert_eq!(free.posed_jacobians(), free.jacobians());
+    assert_ne!(corrected.posed_jacobians(), corrected.jacobians());
+    // Nothing was deformed.
+    let untouched = run(&mesh, "").unwrap();
+    assert!(untouched.posed_jacobians().is_none() && untouched.jacobians().is_none());
+}
+
+#[test]
 fn percentages_and_numbers_are_targets() {
     let mesh = bottle(24, 30);
     let rest = volumes(&mesh, mesh.points()).0;
