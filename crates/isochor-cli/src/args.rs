@@ -203,6 +203,7 @@ const DEFORM_EXAMPLES: &str = "Examples:
   isochor deform tank.stl -o larger.stl --lattice 8x8x4 --volume 110% --pin k=0
   isochor deform horse.ply -o bent.ply --bend x=60,z --save-controls bent.json --report bent-report.json
   isochor deform spot.obj -o spot-twisted.obj --twist y=60 --picture spot.png --up y --report spot.html
+  isochor deform horse.ply -o posed.ply --cage horse-cage.obj:free={vertices=[1,2]} --move v=7:0,0.2,0 --objective stress
   isochor deform shape:plate?n=1 -o arch.obj --surface cylinder:radius=0.5,height=2 --grid 24 --picture arch.png
   isochor deform --job twist.toml --lattice 10
 

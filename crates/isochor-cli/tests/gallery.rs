@@ -38,6 +38,7 @@ fn the_gallery_says_its_command_and_names_every_job() {
         "examples/jobs/locality",
         "examples/jobs/surface",
         "examples/jobs/elastic",
+        "examples/jobs/cage",
         "examples/jobs",
     ] {
         let jobs = files(folder, ".toml");
@@ -61,7 +62,7 @@ fn the_gallery_shows_the_pictures_that_are_there() {
     }
     let total: usize = bytes.iter().map(Vec::len).sum();
     // Before the nine plates of HML it was 3.9 million.
-    assert!(total < 4_800_000, "{total} bytes are much to carry in a repository");
+    assert!(total < 5_200_000, "{total} bytes are much to carry in a repository");
 }
 
 #[test]

@@ -181,8 +181,7 @@ impl Panel<'_> {
             let (held, free): (Vec<usize>, Vec<usize>) = (0..seen.len()).partition(|node| is_held(*node));
             let dots = |nodes: Vec<usize>| nodes.into_iter().filter_map(|node| dot(node, NODE_WIDTH)).collect();
             // A net of lines in each drag plane, about its vertex.
-            let planes = lattice.planes.iter().flat_map(|plane| plane_lines(plane, PLANE * extent(&lattice.controls)));
-            let planes = planes.filter_map(|ends| {
+            let planes = plane_lines(lattice).into_iter().filter_map(|ends| {
                 let ends = ends.map(|p| self.camera.seen(p));
                 Stroke::line(screen, ends, zoom * PLANE_WIDTH, strength(DOT_STRENGTHS, (ends[0] + ends[1]) / 2.0))
             });
@@ -205,8 +204,14 @@ impl Panel<'_> {
 /// Half the side of a drag plane as it is drawn, in extents of the controls. Larger: it hides the model; smaller: one cannot tell how it lies.
 const PLANE: f64 = 0.16;
 
+/// Lines in all drag planes.
+pub(crate) fn plane_lines(lattice: &ShownLattice) -> Vec<[DVec3; 2]> {
+    let reach = PLANE * extent(&lattice.controls);
+    lattice.planes.iter().flat_map(|plane| lines_of(plane, reach)).collect()
+}
+
 /// Lines in a drag plane through the vertex, up to `reach` from it, and its normal, half as long.
-fn plane_lines(plane: &DragPlane, reach: f64) -> Vec<[DVec3; 2]> {
+fn lines_of(plane: &DragPlane, reach: f64) -> Vec<[DVec3; 2]> {
     const LINES: i32 = 2; // on either side of the middle
     let Some(normal) = plane.gradient.try_normalize() else { return Vec::new() };
     let (u, v) = normal.any_orthonormal_pair();

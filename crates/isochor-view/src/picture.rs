@@ -10,7 +10,7 @@ use crate::camera::{Camera, View};
 use crate::color_scale::{ColorScale, Quantity};
 use crate::image::{Image, Rgb};
 use crate::legend::{Legend, NodeKey};
-use crate::panel::{Panel, is_inside_out};
+use crate::panel::{Panel, is_inside_out, plane_lines};
 use crate::show::{Show, ShownLattice, ShownPose};
 use crate::surface::Surface;
 use crate::text::Lettering;
@@ -172,8 +172,10 @@ impl<'a> Scene<'a> {
         let vertices = show.poses.iter().map(|pose| pose.points.len()).min().unwrap_or(0);
         let rest = show.poses.first().map_or(&[][..], |pose| &pose.points[..]);
         let lattices = show.poses.iter().filter(|_| options.with_lattice).filter_map(|pose| pose.lattice.as_ref());
-        let controls = lattices.map(|lattice| &lattice.controls[..]);
-        let points: Vec<&[DVec3]> = show.poses.iter().map(|pose| &pose.points[..]).chain(controls).collect();
+        let controls = lattices.clone().map(|lattice| &lattice.controls[..]);
+        let planes: Vec<DVec3> = lattices.flat_map(plane_lines).flatten().collect();
+        let posed = show.poses.iter().map(|pose| &pose.points[..]);
+        let points: Vec<&[DVec3]> = posed.chain(controls).chain([&planes[..]]).collect();
         let framing = || Camera::framing(&points, &options.view, size.map(|side| side as f64));
         let (surface, camera) =
             parallel::both(|| Surface::new(show.faces, rest, vertices), || options.camera.unwrap_or_else(framing));

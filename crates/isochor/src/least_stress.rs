@@ -42,6 +42,9 @@ const SLOPE: f64 = 0.9;
 const SETTLED: f64 = 1e-8;
 const WINDOW: usize = 10;
 
+/// A mean of sin² θ below this is none: angles of a hundredth of a degree. Larger: they would be seen; smaller: the search goes on for what nobody sees.
+const NONE: f64 = 1e-8;
+
 /// Witness points in a cage.
 pub(crate) struct Witnesses {
     /// ∇α of each control at each point (#points × #controls).
@@ -59,8 +62,8 @@ pub struct LeastStressReport {
     pub free: usize,
     /// Steps from the pose by least motion.
     pub steps: usize,
-    /// Whether ten steps together brought less than 1e-8 of what is left, or no direction that was tried led to less; otherwise the steps were
-    /// used up.
+    /// Whether ten steps together brought less than 1e-8 of what is left, or no direction that was tried led to less, or there is no stress
+    /// left; otherwise the steps were used up.
     pub is_settled: bool,
     /// Mean of sin² θ by least motion, and in the end.
     pub mean_squared_sine: [f64; 2],
@@ -153,7 +156,8 @@ pub(crate) fn relaxed(
     let (mut costs, mut is_settled) = (vec![cost], false);
     while costs.len() <= STEPS {
         let before = costs.len().checked_sub(WINDOW + 1).map(|k| costs[k]);
-        if largest(&at.slope) * pose.extent <= SETTLED * at.cost
+        if at.cost <= NONE
+            || largest(&at.slope) * pose.extent <= SETTLED * at.cost
             || before.is_some_and(|before| before - at.cost <= SETTLED * before)
         {
             is_settled = true;
