@@ -116,8 +116,9 @@ pub enum BenchCommand {
         after_help = "Examples:\n  isochor bench elastic --plot convergence.svg\n  isochor bench elastic --quick --json"
     )]
     Elastic(BenchElasticArgs),
-    /// The table of the paper about cages, this machine beside it, with 1 and all threads; takes half a minute and 2 GB of memory.
-    #[command(after_help = "Examples:\n  isochor bench cage\n  isochor bench cage --quick --json")]
+    /// The table of the paper about cages, this machine beside it, with 1 and all threads, and its figures of local stress; takes half a minute
+    /// and 2 GB of memory.
+    #[command(after_help = "Examples:\n  isochor bench cage --plot stress.svg\n  isochor bench cage --quick --json")]
     Cage(BenchCageArgs),
     /// Whole deformations of files of many sizes: times of all stages, and memory.
     #[command(
@@ -152,6 +153,9 @@ pub struct BenchCageArgs {
     /// Only small models and few runs: a second instead of half a minute, and much noise.
     #[arg(long)]
     pub quick: bool,
+    /// Draw the angle of local stress, as the largest of many directions and as a polynomial, to an .svg file.
+    #[arg(long, value_name = "FILE")]
+    pub plot: Option<PathBuf>,
 }
 
 #[derive(Debug, Args)]

@@ -1,4 +1,4 @@
-//! `isochor bench cage`: table 3 of the paper about cages, this machine beside it.
+//! `isochor bench cage`: table 3 of the paper about cages, this machine beside it, and its figures 5 and 6.
 //!
 //! For each model of the paper there is a stone of as many vertices in a cage of 92 vertices and 180 triangles, a coarser stone; the paper does not say
 //! how many vertices its cages have. *Gradient* is that of the volume with respect to all vertices of the cage at once, where the paper's is with respect to
@@ -13,6 +13,8 @@ use crate::bench_tables;
 use crate::failure::Failure;
 use crate::median::{Patience, median};
 use crate::paper::{self, CageTimes};
+use crate::plot::{self, Plot};
+use crate::stress_angle::StressAngles;
 use crate::terminal::Terminal;
 
 /// Vertices of the cage.
@@ -34,6 +36,8 @@ pub struct CageBench {
     pub cage_triangles: usize,
     /// One for each row of the paper's table 3.
     pub models: Vec<CageRow>,
+    /// The paper's figures 5 and 6.
+    pub stress: StressAngles,
 }
 
 /// A row of the paper's table 3, and what stands in for its model here.
@@ -55,18 +59,21 @@ pub struct CageRun {
     pub deform: Time,
 }
 
-/// Measures and prints the table.
+/// Measures, prints the tables and draws the plot.
 pub fn run(args: &BenchCageArgs, terminal: &Terminal) -> Result<(), Failure> {
+    let plot = Plot::to(args.plot.as_deref())?;
     let (pools, patience) = (pools()?, if args.quick { Patience::QUICK } else { Patience::THOROUGH });
     let most = if args.quick { QUICK_VERTICES } else { usize::MAX };
     let papers: Vec<CageTimes> = paper::CAGES.into_iter().filter(|row| row.vertices <= most).collect();
     let cage = Cage::new(shapes::stone(CAGE)).expect("a stone is closed");
-    let progress = terminal.progress(papers.len());
+    let progress = terminal.progress(papers.len() + 1);
     let row = |paper: CageTimes| {
         progress.begin(paper.model);
         measured(&cage, paper, &pools, patience)
     };
     let models = papers.into_iter().map(row).collect();
+    progress.begin("local stress");
+    let stress = StressAngles::computed();
     progress.end();
     let bench = CageBench {
         quick: args.quick,
@@ -74,8 +81,11 @@ pub fn run(args: &BenchCageArgs, terminal: &Terminal) -> Result<(), Failure> {
         cage_vertices: cage.vertices().len(),
         cage_triangles: cage.triangles().len(),
         models,
+        stress,
     };
+    plot.write(|| plot::of_stress_angles(&bench.stress))?;
     terminal.answer(&bench, &bench_tables::of_cage_bench(&bench));
+    plot.tell(terminal);
     Ok(())
 }
 

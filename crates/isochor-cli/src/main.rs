@@ -31,6 +31,7 @@ mod run;
 mod sheet_picture;
 mod stages;
 mod stand_in;
+mod stress_angle;
 mod table;
 mod terminal;
 

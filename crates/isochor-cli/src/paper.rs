@@ -157,6 +157,9 @@ pub const CAGES: [CageTimes; 6] = [
     in_cage("Bust", [893_866, 1_782_976], [2303.58, 15.69, 830.95]),
 ];
 
+/// CVB, section 4: the average absolute error of its polynomial for the angle of local stress, in degrees.
+pub const STRESS_FIT_ERROR: f64 = 0.44;
+
 /// What HML computed on.
 pub const ELASTIC_MACHINE: &str = "SGI Onyx2, 195 MHz R10000";
 

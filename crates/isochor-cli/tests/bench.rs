@@ -207,7 +207,7 @@ fn plots_that_cannot_be_written_are_told_before_anything_is_measured() {
     std::fs::create_dir(folder.path().join("folder.svg")).unwrap();
     let cases =
         [("plot.pdf", "is no .svg file"), ("nowhere/plot.svg", "does not exist"), ("folder.svg", "is a folder")];
-    for of in ["lattice", "surface", "elastic"] {
+    for of in ["lattice", "surface", "elastic", "cage"] {
         for (path, what) in cases {
             let (code, stdout, stderr) = isochor(folder.path(), &["bench", of, "--json", "--plot", path]);
             assert_eq!(code, Some(2), "{stdout} {stderr}");
@@ -231,6 +231,8 @@ fn bad_usage_ends_with_2() {
         (&["bench", "surface", "model.ply"], "model.ply"),
         (&["bench", "elastic", "--plot"], "--plot"),
         (&["bench", "elastic", "model.ply"], "model.ply"),
+        (&["bench", "cage", "--plot"], "--plot"),
+        (&["bench", "cage", "model.ply"], "model.ply"),
         (&["bench", "lattice", "--quick", "--threads", "0"], "--threads"),
     ] {
         let (code, _, stderr) = isochor(folder.path(), arguments);
