@@ -25,8 +25,8 @@ Made by `cargo xtask gallery` from the jobs in `examples/jobs` and those of the 
 model at rest, deformed by the edits, and corrected, all with one camera; here they are smaller than what the commands write. Their colours are
 those of the surface, where a corrected model may still be blue: what was lost there was given back inside. Models along surfaces are at rest on
 the flattened sheet, deformed along the surface, and corrected, all with the lines of the flattening grid. Nodes that settle are shown with their
-springs, those of a cage with its edges; those that are held are orange. More of colours is on [pictures.md](pictures.md), more of HB's figures on [figures.md](figures.md), more of
-surfaces on [surface.md](surface.md), of cages on [cage.md](cage.md).
+springs, those of a cage with its edges; those that are held are orange. More of colours is on [pictures.md](pictures.md), more of HB's figures on
+[figures.md](figures.md), more of surfaces on [surface.md](surface.md), of cages on [cage.md](cage.md).
 ";
 
 /// Jobs of one kind.
