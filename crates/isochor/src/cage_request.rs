@@ -42,7 +42,11 @@ pub struct CageRequest {
 
 /// Where local stress is measured.
 #[derive(Clone, Debug, PartialEq)]
-#[cfg_attr(feature = "serde", derive(serde::Deserialize), serde(untagged))]
+#[cfg_attr(
+    feature = "serde",
+    derive(serde::Deserialize),
+    serde(untagged, expecting = "`witnesses` must be a number of points or a list of places, such as [[0, 0, 0.5]]")
+)]
 pub enum WitnessPoints {
     /// At this number of points inside the model at rest, or a few more: those of a grid.
     Number(usize),
@@ -53,6 +57,9 @@ pub enum WitnessPoints {
 impl WitnessPoints {
     /// How many where a request says nothing. More: time; fewer: parts of the model without any.
     pub const DEFAULT: usize = 256;
+
+    /// The largest number. More: memory, 24 bytes for each vertex of the cage and each point.
+    pub const MOST: usize = 100_000;
 }
 
 impl CageRequest {

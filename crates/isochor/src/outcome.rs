@@ -943,6 +943,9 @@ impl Job {
             WitnessPoints::Number(0) => {
                 return refused("is 0: it is a number of points, such as 256, or a list of them".into());
             }
+            WitnessPoints::Number(number) if *number > WitnessPoints::MOST => {
+                return refused(format!("is {number}: at most {} points are taken", WitnessPoints::MOST));
+            }
             WitnessPoints::Number(number) => {
                 let mut points = inside(solid, rest_points, *number);
                 let is_outside = cage.cage().are_outside(&points);

@@ -543,7 +543,7 @@ mod jobs {
             let ratio = a.max(1.0 / a).powf(1.5);
             let sine: f64 = (ratio - 1.0) / (ratio + 1.0);
             assert!((least.mean_squared_sine[1] - sine.powi(2)).abs() <= 1e-7, "{a}: {least:?}");
-            assert!((least.least_stress.mean_degrees - sine.asin().to_degrees()).abs() <= 1e-3, "{a}: {least:?}");
+            assert!((least.least_stress.mean_degrees - sine.asin().to_degrees()).abs() <= 1e-2, "{a}: {least:?}");
             assert!(least.mean_squared_sine[1] < least.mean_squared_sine[0], "{a}: {least:?}");
             assert!(least.is_settled && least.free == 2, "{a}: {least:?}");
             let cage = outcome.cage.as_ref().unwrap();
@@ -613,9 +613,14 @@ mod jobs {
             run(&toml, true).unwrap_err().to_string()
         };
         assert!(said(", witnesses = 0", "").contains("cage.witnesses is 0"));
+        assert!(said(", witnesses = 1000000", "").contains("at most 100000"));
         assert!(said(", witnesses = []", "").contains("name at least one point"));
         assert!(said(", witnesses = [[1000000, -2000000, 1.31]]", "").contains("outside the cage"));
         assert!(said(", witnesses = [[nan, 0, 0]]", "").contains("must be finite"));
+        for wrong in ["'many'", "-3", "[[0, 0]]"] {
+            let toml = format!("cage = {{ file = 'c', witnesses = {wrong} }}");
+            assert!(Job::from_toml(&toml).unwrap_err().to_string().contains("or a list of places"), "{wrong}");
+        }
         assert!(said("", "axes = 'x'\nmethod = 'axes'").contains("preserve.axes go with closed forms"));
         assert!(said("", "method = 'gradient'").contains("must be \"nearest\""));
         assert!(said("", "preview = 100").contains("preserve.preview cannot be with the objective"));
