@@ -101,6 +101,7 @@ struct Arc {
 
 impl Station {
     /// None where the surface has no tangent plane.
+    #[inline(always)]
     pub(crate) fn new(parameters: DVec2, jet: &Jet, third: &Third) -> Option<Self> {
         let normal = jet.normal()?;
         let area = jet.s.cross(jet.t).dot(normal);
@@ -127,7 +128,7 @@ impl Station {
 
     fn on(surface: &Surface, parameters: DVec2) -> Option<Self> {
         let (jet, third) = surface.jet_and_third(parameters.x, parameters.y);
-        Self::new(parameters, &jet, &third)
+        dispatch!(Level::new(), _simd => Self::new(parameters, &jet, &third))
     }
 
     /// The geodesic whose tangent is nearest to `direction`; none where no tangent is. Its second derivative is κ N, so that the third is κ′ N +
@@ -164,10 +165,13 @@ impl Station {
 
 impl Arc {
     /// None where the ends are too far apart.
-    ///
-    /// Inlined, so that callers may dispatch it.
-    #[inline(always)]
     fn between(p: &Station, q: &Station, accuracy: f64) -> Option<Self> {
+        // The same bits with all registers: nothing is fused.
+        dispatch!(Level::new(), _simd => Self::dispatched(p, q, accuracy))
+    }
+
+    #[inline(always)]
+    fn dispatched(p: &Station, q: &Station, accuracy: f64) -> Option<Self> {
         /// Directions and length are repeated until the length is expected to change by less than this part of the accuracy. Larger: the
         /// error of (1) is drowned; smaller: a round more.
         const SETTLED: f64 = 0.1;
@@ -482,8 +486,7 @@ pub(crate) fn grid_lengths(
                     return Some(Geodesic { length, error: 0.0 });
                 }
                 let ends = [at(p)?, at(q)?];
-                // The same bits with all registers: nothing is fused.
-                let arc = dispatch!(Level::new(), _simd => Arc::between(ends[0], ends[1], accuracy));
+                let arc = Arc::between(ends[0], ends[1], accuracy);
                 if !is_sample {
                     let single = arc.map(|Arc { length, error, .. }| (length, error.max(rate * power(step))));
                     if let Some((length, error)) = single.filter(|(_, error)| *error <= accuracy) {

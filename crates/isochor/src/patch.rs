@@ -4,6 +4,8 @@
 //! Piegl, W. Tiller, *The NURBS Book*, 1997, (4.11) and (4.20)); the bases' Bézier coefficients are tabulated once, so
 //! that an evaluation divides little and, up to degree [`ROW`] − 1, asks for no memory.
 
+use fearless_simd::prelude::*;
+use fearless_simd::{Level, dispatch, f64x4};
 use glam::{DVec2, DVec3, DVec4, Vec2Swizzles};
 
 use crate::bspline::Basis;
@@ -216,26 +218,33 @@ impl Patch {
     /// The same in the domain.
     #[inline]
     fn in_domain<const N: usize>(&self, s: f64, t: f64) -> Partials<N> {
+        // The same bits with all registers: nothing is fused.
+        dispatch!(Level::new(), simd => self.of_lengths(simd, s, t))
+    }
+
+    #[inline(always)]
+    fn of_lengths<S: Simd, const N: usize>(&self, simd: S, s: f64, t: f64) -> Partials<N> {
         let zero = [0.0; N];
         match [self.pieces[0].length(), self.pieces[1].length()] {
-            [4, 4] => self.contracted([s, t], [&mut [zero; 4], &mut [zero; 4]], &mut [zero; 4]),
-            [3, 3] => self.contracted([s, t], [&mut [zero; 3], &mut [zero; 3]], &mut [zero; 3]),
-            [2, 2] => self.contracted([s, t], [&mut [zero; 2], &mut [zero; 2]], &mut [zero; 2]),
+            [4, 4] => self.contracted(simd, [s, t], [&mut [zero; 4], &mut [zero; 4]], &mut [zero; 4]),
+            [3, 3] => self.contracted(simd, [s, t], [&mut [zero; 3], &mut [zero; 3]], &mut [zero; 3]),
+            [2, 2] => self.contracted(simd, [s, t], [&mut [zero; 2], &mut [zero; 2]], &mut [zero; 2]),
             [p, q] if p <= ROW && q <= ROW => {
                 let [mut along_s, mut along_t, mut scratch] = [[zero; ROW]; 3];
-                self.contracted([s, t], [&mut along_s[..p], &mut along_t[..q]], &mut scratch)
+                self.contracted(simd, [s, t], [&mut along_s[..p], &mut along_t[..q]], &mut scratch)
             }
             [p, q] => {
                 let [mut along_s, mut along_t, mut scratch] = [p, q, p.max(q)].map(|length| vec![zero; length]);
-                self.contracted([s, t], [&mut along_s, &mut along_t], &mut scratch)
+                self.contracted(simd, [s, t], [&mut along_s, &mut along_t], &mut scratch)
             }
         }
     }
 
     /// Inlined, so that rows of known lengths become loops of these lengths.
     #[inline(always)]
-    fn contracted<const N: usize>(
+    fn contracted<S: Simd, const N: usize>(
         &self,
+        simd: S,
         [s, t]: [f64; 2],
         [along_s, along_t]: [&mut [[f64; N]]; 2],
         scratch: &mut [[f64; N]],
@@ -244,17 +253,30 @@ impl Patch {
         let first_s = self.pieces[0].derivatives(s, along_s, &mut scratch[..p]);
         let first_t = self.pieces[1].derivatives(t, along_t, &mut scratch[..q]);
         let m = self.bases[1].size();
-        let mut sums = [[DVec4::ZERO; N]; N];
+        let zero = f64x4::splat(simd, 0.0);
+        let mut sums = [[zero; N]; N];
         for (i, u) in along_s.iter().enumerate() {
             let start = (first_s + i) * m + first_t;
-            let mut row = [DVec4::ZERO; N];
+            let mut row = [zero; N];
             for (point, v) in self.net.points[start..start + q].iter().zip(&*along_t) {
-                row.iter_mut().zip(v).for_each(|(sum, v)| *sum += *v * *point);
+                let point = f64x4::from_slice(simd, &point.to_array());
+                for (sum, v) in row.iter_mut().zip(v) {
+                    *sum += point * *v;
+                }
             }
             for (sums, u) in sums.iter_mut().zip(u) {
-                sums.iter_mut().zip(row).for_each(|(sum, of_row)| *sum += *u * of_row);
+                for (sum, of_row) in sums.iter_mut().zip(row) {
+                    *sum += of_row * *u;
+                }
             }
         }
+        let mut stored = [[DVec4::ZERO; N]; N];
+        for (stored, sums) in stored.iter_mut().zip(sums) {
+            for (stored, sum) in stored.iter_mut().zip(sums) {
+                *stored = DVec4::from_array(sum.into());
+            }
+        }
+        let sums = stored;
         let mut partials = if self.net.rational { quotient(&sums) } else { sums.map(|row| row.map(DVec4::truncate)) };
         partials[0][0] += self.net.origin;
         partials

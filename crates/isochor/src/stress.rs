@@ -43,7 +43,9 @@ pub(crate) struct Stress {
     steps: Vec<[usize; 2]>,
     /// For steps whose second part goes backwards.
     is_backward: Vec<bool>,
-    /// d and w as in [`GridLengths`].
+    /// Rows of a part.
+    part: usize,
+    /// d and w, part after part, in each step after step from all its points, so that sums go over long rows; 0 where a step leads out of the grid.
     lengths: Vec<f64>,
     weights: Vec<f64>,
 }
@@ -59,10 +61,20 @@ struct Run {
 impl Stress {
     /// Of the lengths of a grid of `size` points, with the weights of `weight(d)`.
     pub(crate) fn new(grid: &GridLengths, size: [usize; 2], weight: impl Fn(f64) -> f64 + Send + Sync) -> Self {
-        let weights = parallel::collect(grid.lengths.len(), |k| weight(grid.lengths[k]));
-        let steps = grid.steps.iter().map(|&[a, b]| [a.unsigned_abs(), b.unsigned_abs()]).collect();
+        let steps: Vec<[usize; 2]> = grid.steps.iter().map(|&[a, b]| [a.unsigned_abs(), b.unsigned_abs()]).collect();
         let is_backward = grid.steps.iter().map(|s| s[1] < 0).collect();
-        Self { size, steps, is_backward, lengths: grid.lengths.clone(), weights }
+        let reach = steps.iter().map(|s| s[0]).max().unwrap_or(0);
+        let part = PAIRS.div_ceil(steps.len() * size[1]).max(reach);
+        let [lengths, weights] = [0; 2].map(|_| vec![0.0; grid.lengths.len()]);
+        let mut stress = Self { size, steps, is_backward, part, lengths, weights };
+        for (i, o) in (0..size[0]).flat_map(|i| (0..grid.steps.len()).map(move |o| (i, o))) {
+            let Some(Run { from, pairs, len, .. }) = stress.run(i, o) else { continue };
+            let first = (i * grid.steps.len() + o) * size[1] + from - i * size[1];
+            let lengths = &grid.lengths[first..first + len];
+            stress.lengths[pairs..pairs + len].copy_from_slice(lengths);
+            stress.weights[pairs..pairs + len].iter_mut().zip(lengths).for_each(|(w, d)| *w = weight(*d));
+        }
+        stress
     }
 
     /// Number of points.
@@ -77,8 +89,15 @@ impl Stress {
             return None;
         }
         let (first, last) = if self.is_backward[o] { (b, 0) } else { (0, b) };
-        let pairs = (i * self.steps.len() + o) * columns + first;
+        let pairs = self.pair([i, first], o);
         Some(Run { from: i * columns + first, to: (i + a) * columns + last, pairs, len: columns - b })
+    }
+
+    /// The pair along step `o` from grid point (i, j).
+    fn pair(&self, [i, j]: [usize; 2], o: usize) -> usize {
+        let first = i - i % self.part;
+        let rows = self.part.min(self.size[0] - first);
+        (first * self.steps.len() + o * rows + i - first) * self.size[1] + j
     }
 
     /// Calls `f(i, j, d, w)` for every pair of points i and j.
@@ -100,7 +119,7 @@ impl Stress {
     pub(crate) fn length(&self, [i, j]: [usize; 2], step: [isize; 2]) -> f64 {
         let reach = self.steps.last().map_or(0, |step| step[0]);
         let o = step_index(reach, step).expect("a step of the reach");
-        self.lengths[(i * self.steps.len() + o) * self.size[1] + j]
+        self.lengths[self.pair([i, j], o)]
     }
 
     /// C at `x`, and its gradient.
@@ -108,19 +127,27 @@ impl Stress {
         let [rows, columns] = self.size;
         let points = self.points();
         let reach = self.steps.iter().map(|s| s[0]).max().unwrap_or(0);
-        let block = PAIRS.div_ceil(self.steps.len() * columns).max(reach);
-        let parts = parallel::map_chunks(rows, block, |part| {
-            let first = part.start * columns;
+        let parts = parallel::map_chunks(rows, self.part, |part| {
+            let [first, count] = [part.start * columns, part.len() * columns];
             let end = rows.min(part.end + reach) * columns;
             let mut gradient = [vec![0.0; end - first], vec![0.0; end - first]];
-            let mut pulls = [vec![0.0; columns], vec![0.0; columns]];
-            let mut squares = vec![0.0; columns];
-            // The same numbers whatever the width of registers: nothing is fused, and each column has a sum of its own.
+            let mut pulls = [vec![0.0; count], vec![0.0; count]];
+            let mut squares = vec![0.0; count];
+            // The same numbers whatever the width of registers: nothing is fused, and each point has a sum of its own.
             dispatch!(fearless_simd::Level::new(), _simd => {
-                for (i, o) in part.flat_map(|i| (0..self.steps.len()).map(move |o| (i, o))) {
-                    let Some(Run { from, to, pairs, len }) = self.run(i, o) else { continue };
-                    let [x0, x1] = [&x[from..from + len], &x[to..to + len]];
-                    let [y0, y1] = [&x[points + from..points + from + len], &x[points + to..points + to + len]];
+                for (o, &[a, b]) in self.steps.iter().enumerate() {
+                    if a >= rows || b >= columns {
+                        continue;
+                    }
+                    // At the ends of rows the other ends are in other rows: there d and w are 0.
+                    let to = first + a * columns + b - if self.is_backward[o] { 2 * b } else { 0 };
+                    if to >= end {
+                        continue;
+                    }
+                    let len = count.min(end - to);
+                    let pairs = first * self.steps.len() + o * count;
+                    let [x0, x1] = [&x[first..first + len], &x[to..to + len]];
+                    let [y0, y1] = [&x[points + first..points + first + len], &x[points + to..points + to + len]];
                     let [d, w] = [&self.lengths[pairs..pairs + len], &self.weights[pairs..pairs + len]];
                     let [px, py] = &mut pulls;
                     let (px, py, squares) = (&mut px[..len], &mut py[..len], &mut squares[..len]);
@@ -135,7 +162,7 @@ impl Stress {
                         squares[k] += w[k] * (off * off);
                     }
                     for (gradient, pulls) in gradient.iter_mut().zip([px, py]) {
-                        let plus = &mut gradient[from - first..from - first + len];
+                        let plus = &mut gradient[..len];
                         plus.iter_mut().zip(&*pulls).for_each(|(g, p)| *g += p);
                         let minus = &mut gradient[to - first..to - first + len];
                         minus.iter_mut().zip(&*pulls).for_each(|(g, p)| *g -= p);
@@ -291,7 +318,7 @@ fn coarse_matrix(stress: &Stress, places: &[Vec<usize>; 2], at: impl Fn(usize) -
             for j in 0..size[1].saturating_sub(b) {
                 let (j, l) = if stress.is_backward[o] { (j + b, j) } else { (j, j + b) };
                 let [p, q] = [places[0][i] * columns + places[1][j], places[0][i + a] * columns + places[1][l]];
-                let pair = (places[0][i] * stress.steps.len() + o) * columns + places[1][j];
+                let pair = stress.pair([places[0][i], places[1][j]], o);
                 let u = at(p) - at(q);
                 let block = block(u, u.length(), stress.weights[pair]);
                 let [p, q] = [i * size[1] + j, (i + a) * size[1] + l];
@@ -353,4 +380,52 @@ fn prolongation(coarse: &[f64], size: [usize; 2]) -> Vec<f64> {
         }
     }
     result
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::geodesic::plane_lengths;
+
+    /// In several parts, the last of one row or of a few, the sums are those over all pairs.
+    #[test]
+    fn parts_make_the_whole() {
+        for (rows, columns, reach) in [(3, 5, 3), (37, 40, 3), (41, 40, 3), (19, 300, 2), (2, 700, 5), (1, 4, 2)] {
+            let cells = [rows - 1, columns - 1];
+            let wave = |k: usize| {
+                let (i, j) = ((k / columns) as f64, (k % columns) as f64);
+                DVec2::new(i + 0.1 * libm::sin(j), j - 0.2 * libm::sin(0.7 * i))
+            };
+            let rest: Vec<DVec2> = (0..rows * columns).map(wave).collect();
+            let stress = Stress::new(&plane_lengths(&rest, cells, reach), [rows, columns], |d| 1.0 / (1.0 + d));
+            let at = |k: usize| 1.1 * rest[k] + 0.3 * DVec2::new(libm::sin(k as f64), libm::cos(0.3 * k as f64));
+            let (mut value, mut gradient) = (0.0, vec![DVec2::ZERO; rows * columns]);
+            let mut pairs = 0;
+            stress.for_each_pair(|i, j, d, w| {
+                assert_eq!((d, w), (rest[i].distance(rest[j]), 1.0 / (1.0 + d)));
+                let (u, l) = (at(i) - at(j), at(i).distance(at(j)));
+                value += 2.0 * w * (d - l) * (d - l);
+                gradient[i] += 4.0 * w * (l - d) / l * u;
+                gradient[j] -= 4.0 * w * (l - d) / l * u;
+                pairs += 1;
+            });
+            let within = |n: usize, step: usize| n.saturating_sub(step);
+            let expected: usize = (0..=reach)
+                .flat_map(|a| (0..=reach).map(move |b| (a, b)))
+                .map(|(a, b)| within(rows, a) * within(columns, b) * if a > 0 && b > 0 { 2 } else { 1 })
+                .sum::<usize>()
+                - rows * columns;
+            assert_eq!(pairs, expected);
+            let x: Vec<f64> =
+                (0..rows * columns).map(|k| at(k).x).chain((0..rows * columns).map(|k| at(k).y)).collect();
+            let (found, slope) = stress.at(&x);
+            assert!((found - value).abs() <= 1e-12 * value, "{rows} x {columns}: {found}, not {value}");
+            for (k, g) in gradient.iter().enumerate() {
+                assert!(
+                    g.distance(DVec2::new(slope[k], slope[rows * columns + k])) <= 1e-12 * value,
+                    "{rows} x {columns}: {k}"
+                );
+            }
+        }
+    }
 }
