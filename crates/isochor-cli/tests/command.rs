@@ -219,6 +219,34 @@ fn jobs_of_the_demo_run_again_and_give_the_same_bytes() {
     }
 }
 
+/// The jobs of cages run where they are, with the cages beside them, and are exact; what the docs say of the least stress is so.
+#[test]
+fn example_jobs_of_cages_do_what_the_docs_say() {
+    let folder = Folder(TempDir::new().unwrap());
+    let root = Path::new(env!("CARGO_MANIFEST_DIR")).join("../..");
+    let run = |name: &str| {
+        let job = root.join("examples/jobs/cage").join(name);
+        folder.report(&format!("--job {} -o out.ply --picture out.png --size 64x64", job.display()))
+    };
+    for name in ["bend.toml", "green.toml", "least-motion.toml"] {
+        let report = run(name);
+        assert!(relative_error(&report) <= 1e-13, "{name}: {report}");
+        assert_eq!((&report["cage"]["outside"], &report["warnings"]), (&0.into(), &Value::Array(vec![])), "{name}");
+    }
+    let slid = run("slide.toml");
+    assert!((number(&slid, "posed") / number(&slid, "rest") - 1.0).abs() <= 1e-13, "{slid}");
+    let film = run("swing.toml");
+    assert!(film["frames"].as_array().unwrap().iter().all(|frame| relative_error(frame) <= 1e-13), "{film}");
+    let report = run("least-stress.toml");
+    assert!(relative_error(&report) <= 1e-13, "{report}");
+    let least = &report["cage"]["least_stress"];
+    let degrees = |pose: &str| least[pose]["mean_degrees"].as_f64().unwrap();
+    let said =
+        format!("the mean angle is {:.1}°, by least motion {:.1}°", degrees("least_stress"), degrees("least_motion"));
+    let page = std::fs::read_to_string(root.join("docs/cage.md")).unwrap();
+    assert!(page.contains(&said), "docs/cage.md: {said}");
+}
+
 #[test]
 fn example_jobs_run_on_the_models_of_the_demo() {
     let folder = Folder(TempDir::new().unwrap());
