@@ -1,6 +1,6 @@
 //! Ways down to the least stress of a flattened grid.
 //!
-//! L-BFGS: J. Nocedal, S. J. Wright, *Numerical Optimization*, 2nd edition, 2006, algorithms 7.4 and 7.5, with the inverse by levels of grids
+//! L-BFGS ([`crate::quasi_newton`]): J. Nocedal, S. J. Wright, *Numerical Optimization*, 2nd edition, 2006, algorithm 7.5, with the inverse by levels of grids
 //! ([`crate::stress`]) as its first guess. CO's descent: `X ← X − ρ ∂C/∂X`.
 //!
 //! # Changes versus the book
@@ -8,11 +8,10 @@
 //! Steps are shortened until the stress falls by a stated part of what the slope promises (algorithm 3.1); they are not made longer for the
 //! curvature condition. A step without it is not remembered.
 
-use std::collections::VecDeque;
-
 use glam::DVec2;
 
 use crate::flatten::FlattenStatus;
+use crate::quasi_newton::{Memory, dot};
 use crate::stress::{Inverse, Stress};
 
 /// Steps that L-BFGS remembers. Larger: each step takes longer; smaller: more steps.
@@ -65,18 +64,11 @@ pub(crate) struct Way {
     pub(crate) course: Vec<f64>,
 }
 
-/// A remembered step: s, y and 1/sᵀy.
-struct Step {
-    moved: Vec<f64>,
-    turned: Vec<f64>,
-    inverse: f64,
-}
-
 /// L-BFGS from `state`, at most `iterations` steps.
 pub(crate) fn quasi_newton(stress: &Stress, mut state: State, tolerance: f64, iterations: usize) -> Way {
     let mut course = vec![state.stress];
     let isometric = ISOMETRIC * stress.scale();
-    let mut memory: VecDeque<Step> = VecDeque::with_capacity(MEMORY);
+    let mut memory = Memory::new(MEMORY);
     let mut inverse = None;
     let mut size = 1.0;
     let mut is_slow = false;
@@ -86,7 +78,7 @@ pub(crate) fn quasi_newton(stress: &Stress, mut state: State, tolerance: f64, it
         }
         let inverse = inverse.get_or_insert_with(|| Inverse::new(stress, &state.x));
         let times = |g: &[f64]| inverse.as_ref().map_or_else(|| g.to_vec(), |inverse| inverse.times(g));
-        let mut direction = direction(&memory, &state.gradient, times, size);
+        let mut direction = memory.direction(&state.gradient, times, size);
         let mut slope = dot(&direction, &state.gradient);
         if slope >= 0.0 {
             memory.clear();
@@ -108,34 +100,12 @@ pub(crate) fn quasi_newton(stress: &Stress, mut state: State, tolerance: f64, it
             if memory.is_empty() {
                 size = curvature / dot(&turned, &times(&turned));
             }
-            if memory.len() == MEMORY {
-                memory.pop_front();
-            }
-            memory.push_back(Step { moved, turned, inverse: 1.0 / curvature });
+            memory.push(moved, turned, curvature);
         }
         state = next;
         course.push(state.stress);
     };
     Way { state, status, course }
-}
-
-/// `−H g` of L-BFGS (algorithm 7.4), H₀ being `size` times the inverse.
-fn direction(memory: &VecDeque<Step>, gradient: &[f64], times: impl Fn(&[f64]) -> Vec<f64>, size: f64) -> Vec<f64> {
-    let mut q = gradient.to_vec();
-    let mut shares = Vec::with_capacity(memory.len());
-    for step in memory.iter().rev() {
-        let share = step.inverse * dot(&step.moved, &q);
-        add(&mut q, -share, &step.turned);
-        shares.push(share);
-    }
-    let mut r = times(&q);
-    r.iter_mut().for_each(|r| *r *= size);
-    for (step, share) in memory.iter().zip(shares.into_iter().rev()) {
-        let back = step.inverse * dot(&step.turned, &r);
-        add(&mut r, share - back, &step.moved);
-    }
-    r.iter_mut().for_each(|r| *r = -*r);
-    r
 }
 
 /// The first state along `direction` that is low enough; none where only rounding is left.
@@ -174,22 +144,4 @@ pub(crate) fn fixed(stress: &Stress, mut state: State, step: f64, tolerance: f64
         }
     };
     Way { state, status, course }
-}
-
-/// a · b, in eight sums that do not wait for one another.
-fn dot(a: &[f64], b: &[f64]) -> f64 {
-    const SUMS: usize = 8;
-    let mut sums = [0.0; SUMS];
-    let (a, b) = (a.chunks_exact(SUMS), b.chunks_exact(SUMS));
-    let rest: f64 = a.remainder().iter().zip(b.remainder()).map(|(a, b)| a * b).sum();
-    for (a, b) in a.zip(b) {
-        for k in 0..SUMS {
-            sums[k] += a[k] * b[k];
-        }
-    }
-    sums.iter().sum::<f64>() + rest
-}
-
-fn add(to: &mut [f64], factor: f64, x: &[f64]) {
-    to.iter_mut().zip(x).for_each(|(t, x)| *t += factor * x);
 }

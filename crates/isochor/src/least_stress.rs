@@ -9,8 +9,6 @@
 //! (A. Lewis, M. Overton, *Nonsmooth optimization via quasi-Newton methods*, 2013), and what it has come to is told, not promised: no nearby pose is better along the
 //! directions that were tried.
 
-use std::collections::VecDeque;
-
 use glam::DVec3;
 
 use crate::binding::displaced;
@@ -19,7 +17,8 @@ use crate::cage_correction::{CagePose, Found, State, Wishes, scaled};
 use crate::correct::{CorrectError, Correction, Reason, Status, Wanted};
 use crate::local_stress::{LocalStress, StressReport, sine_with_slope};
 use crate::mean_value::jacobian_of;
-use crate::rows::{Rows, add, dot};
+use crate::quasi_newton::{Memory, dot};
+use crate::rows::Rows;
 
 /// Most steps. Poses settle in tens; more: minutes on large models.
 const STEPS: usize = 400;
@@ -85,13 +84,6 @@ struct Place {
     rows: Rows,
 }
 
-/// A step and the change of the slope along it.
-struct Pair {
-    step: Vec<f64>,
-    change: Vec<f64>,
-    product: f64,
-}
-
 impl Witnesses {
     /// At `points` (#points) of a cage.
     ///
@@ -152,7 +144,7 @@ pub(crate) fn relaxed(
     if !cost.is_finite() {
         return Err(pose.impossible(&wishes, volume_before, Reason::Overflow));
     }
-    let mut memory: VecDeque<Pair> = VecDeque::new();
+    let (mut memory, mut size) = (Memory::new(MEMORY), 1.0);
     let (mut costs, mut is_settled) = (vec![cost], false);
     while costs.len() <= STEPS {
         let before = costs.len().checked_sub(WINDOW + 1).map(|k| costs[k]);
@@ -163,11 +155,12 @@ pub(crate) fn relaxed(
             is_settled = true;
             break;
         }
-        let next = pose.stepped(&at, &memory, &wishes, witnesses).or_else(|| {
+        let mut next = pose.stepped(&at, (&memory, size), &wishes, witnesses);
+        if next.is_none() && !memory.is_empty() {
             // Along the slope itself.
-            let forgotten = !std::mem::take(&mut memory).is_empty();
-            forgotten.then(|| pose.stepped(&at, &memory, &wishes, witnesses)).flatten()
-        });
+            (memory, size) = (Memory::new(MEMORY), 1.0);
+            next = pose.stepped(&at, (&memory, size), &wishes, witnesses);
+        }
         let Some((next, step)) = next else {
             is_settled = true;
             break;
@@ -175,10 +168,8 @@ pub(crate) fn relaxed(
         let change: Vec<f64> = next.slope.iter().zip(&at.slope).map(|(a, b)| a - b).collect();
         let product = dot(&step, &change);
         if product > 0.0 {
-            memory.push_back(Pair { step, change, product });
-            if memory.len() > MEMORY {
-                memory.pop_front();
-            }
+            size = product / dot(&change, &change);
+            memory.push(step, change, product);
         }
         at = next;
         costs.push(at.cost);
@@ -228,11 +219,11 @@ impl CagePose<'_> {
     fn stepped(
         &self,
         at: &Place,
-        memory: &VecDeque<Pair>,
+        (memory, size): (&Memory, f64),
         wishes: &Wishes,
         witnesses: &Witnesses,
     ) -> Option<(Place, Vec<f64>)> {
-        let mut direction = downhill(&at.slope, memory);
+        let mut direction = memory.direction(&at.slope, <[f64]>::to_vec, size);
         at.rows.project(&mut direction);
         let falls = dot(&direction, &at.slope);
         if falls >= 0.0 {
@@ -280,26 +271,6 @@ impl CagePose<'_> {
         };
         pairs.flat_map(of).collect()
     }
-}
-
-/// −H slope, with H from the remembered steps (J. Nocedal, *Updating quasi-Newton matrices with limited storage*, 1980).
-fn downhill(slope: &[f64], memory: &VecDeque<Pair>) -> Vec<f64> {
-    let mut direction: Vec<f64> = slope.iter().map(|x| -x).collect();
-    let mut parts = Vec::with_capacity(memory.len());
-    for pair in memory.iter().rev() {
-        let part = dot(&pair.step, &direction) / pair.product;
-        add(&mut direction, -part, &pair.change);
-        parts.push(part);
-    }
-    if let Some(last) = memory.back() {
-        let scale = last.product / dot(&last.change, &last.change);
-        direction.iter_mut().for_each(|x| *x *= scale);
-    }
-    for (pair, part) in memory.iter().zip(parts.into_iter().rev()) {
-        let back = dot(&pair.change, &direction) / pair.product;
-        add(&mut direction, part - back, &pair.step);
-    }
-    direction
 }
 
 #[cfg(test)]

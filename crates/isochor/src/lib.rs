@@ -156,6 +156,7 @@ mod point_tree;
 mod points;
 mod posed;
 mod preview;
+mod quasi_newton;
 mod refinement;
 mod report;
 mod revolution;
