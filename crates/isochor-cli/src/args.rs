@@ -75,7 +75,7 @@ pub enum Command {
     Cage(CageArgs),
     /// Measure times and memory on this machine.
     #[command(
-        after_help = "Examples:\n  isochor bench lattice\n  isochor bench surface\n  isochor bench elastic\n  isochor bench deform"
+        after_help = "Examples:\n  isochor bench lattice\n  isochor bench surface\n  isochor bench elastic\n  isochor bench cage\n  isochor bench deform"
     )]
     Bench {
         #[command(subcommand)]
