@@ -192,7 +192,7 @@ impl CagePose<'_> {
         }
     }
 
-    pub(crate) fn impossible(&self, wishes: &Wishes, volume_before: f64, reason: Reason) -> CorrectError {
+    fn impossible(&self, wishes: &Wishes, volume_before: f64, reason: Reason) -> CorrectError {
         let (goal, target) = match wishes.wanted.volumes.first() {
             Some(goal) => (Some(0), goal.volume),
             None => (None, volume_before),

@@ -14,7 +14,7 @@ use glam::DVec3;
 use crate::binding::displaced;
 use crate::cage_binding::{CageBinding, CageBindingError};
 use crate::cage_correction::{CagePose, Found, State, Wishes, scaled};
-use crate::correct::{CorrectError, Correction, Reason, Status, Wanted};
+use crate::correct::{CorrectError, Correction, Status, Wanted};
 use crate::local_stress::{LocalStress, StressReport, sine_with_slope};
 use crate::mean_value::jacobian_of;
 use crate::quasi_newton::{Memory, dot};
@@ -74,6 +74,20 @@ pub struct LeastStressReport {
     pub least_stress: StressReport,
 }
 
+/// Why there is no pose of least stress.
+#[derive(Clone, Debug, PartialEq, thiserror::Error)]
+pub(crate) enum StressError {
+    /// What is wanted cannot be.
+    #[error(transparent)]
+    Correct(#[from] CorrectError),
+    /// A witness that least motion leaves without a measure.
+    #[error("witness {witness} is squeezed into a point, or as much inside out as it is stretched")]
+    NoMeasure {
+        /// Its index.
+        witness: usize,
+    },
+}
+
 /// A state with its cost.
 struct Place {
     state: State,
@@ -129,7 +143,7 @@ pub(crate) fn relaxed(
     pose: &CagePose,
     wanted: &Wanted,
     witnesses: &Witnesses,
-) -> Result<(Correction, Option<LeastStressReport>), CorrectError> {
+) -> Result<(Correction, Option<LeastStressReport>), StressError> {
     let (wishes, start) = pose.checked(wanted)?;
     let volume_before = start.volume();
     let posed = witnesses.report(&pose.cage.controls(pose.posed));
@@ -142,7 +156,10 @@ pub(crate) fn relaxed(
     let mut at = pose.place(state, &wishes, witnesses);
     let cost = at.cost;
     if !cost.is_finite() {
-        return Err(pose.impossible(&wishes, volume_before, Reason::Overflow));
+        let controls = pose.controls(&at.state);
+        let has_none = |row: &[DVec3]| !LocalStress::of(&jacobian_of(row, &controls)).sine().is_finite();
+        let witness = witnesses.rows().position(has_none).unwrap_or_default();
+        return Err(StressError::NoMeasure { witness });
     }
     let (mut memory, mut size) = (Memory::new(MEMORY), 1.0);
     let (mut costs, mut is_settled) = (vec![cost], false);
@@ -313,6 +330,30 @@ mod tests {
                 assert!(found.abs_diff_eq(jacobian, 1e-11), "{coordinates}: {found}, not {jacobian}");
             }
         }
+    }
+
+    /// A mirrored tetrahedron, of which the mirrored volume is wanted.
+    #[test]
+    fn mirrored_witnesses_have_no_measure() {
+        let (cage, points, _) = case(Coordinates::Tetrahedral);
+        let mesh = cage.cage().mesh().clone();
+        let bound = cage
+            .cage()
+            .bind(mesh.points(), &CageOptions { coordinates: Coordinates::Tetrahedral, ..CageOptions::default() });
+        let bound = bound.unwrap();
+        let solid = crate::Solid::new(&mesh, &crate::topology(&mesh), crate::OpenBoundaries::Refuse).unwrap();
+        let posed: Vec<DVec3> = mesh.points().iter().map(|p| DVec3::new(-p.x, p.y, p.z)).collect();
+        let pose = CagePose {
+            cage: &bound,
+            solid: &solid,
+            rest: mesh.points(),
+            posed: &posed,
+            mobility: &[DVec3::ONE; 4],
+            extent: 1.0,
+        };
+        let wanted = Wanted::volume(solid.volume(&posed));
+        let witnesses = Witnesses::new(&bound, &points[..2]).unwrap();
+        assert_eq!(relaxed(&pose, &wanted, &witnesses).unwrap_err(), StressError::NoMeasure { witness: 0 });
     }
 
     #[test]

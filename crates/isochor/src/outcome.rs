@@ -29,7 +29,7 @@ use crate::job::{
     VolumeTarget,
 };
 use crate::lattice::{Lattice, LatticeError};
-use crate::least_stress::{LeastStressReport, Witnesses, relaxed};
+use crate::least_stress::{LeastStressReport, StressError, Witnesses, relaxed};
 use crate::local_stress::StressReport;
 use crate::locality::{LocalityOptions, local_mobility};
 use crate::mesh::{Bounds, Mesh, MeshError};
@@ -807,16 +807,23 @@ impl Job {
                     let (solid, rest, mobility) =
                         (&body.solid, &rest_points[..], options.mobility.as_deref().unwrap_or_default());
                     let pose = CagePose { cage, solid, rest, posed: &posed, mobility, extent };
-                    relaxed(&pose, &wanted, &witnesses).map(|(correction, report)| {
-                        if let Some(LeastStressReport { is_settled: false, steps, .. }) = &report {
-                            warnings.push(format!(
-                                "The search for the least stress used up its {steps} steps: the volume is exact, but other poses may have less stress. \
-                                 Free fewer vertices of the cage, or more of those near the moved ones."
-                            ));
+                    match relaxed(&pose, &wanted, &witnesses) {
+                        Ok((correction, report)) => {
+                            if let Some(LeastStressReport { is_settled: false, steps, .. }) = &report {
+                                warnings.push(format!(
+                                    "The search for the least stress used up its {steps} steps: the volume is exact, but other poses may have less \
+                                     stress. Free fewer vertices of the cage, or more of those near the moved ones."
+                                ));
+                            }
+                            least_stress = report;
+                            Ok(correction)
                         }
-                        least_stress = report;
-                        correction
-                    })
+                        Err(StressError::Correct(error)) => Err(error),
+                        Err(error @ StressError::NoMeasure { .. }) => {
+                            let problem = format!("cannot be used: {error}; name others, or move the cage less");
+                            return Err(JobError::Value { key: "cage.witnesses", problem });
+                        }
+                    }
                 }
                 _ if !deformer.is_linear() => self.by_normals(&options, |mobility, is_nearest| {
                     let cage = deformer.cage().expect("Green coordinates are a cage's");

@@ -3,13 +3,13 @@
 use glam::{DVec2, DVec3};
 
 use crate::mesh::Bounds;
-use crate::tolerances;
 use crate::volume::{Solid, lossless_origin};
 
-/// Points of a cubic grid that are inside the body with its vertices at `points` (#vertices × 3), bottom to top, line by line: at least `count` where the
-/// grid may be as fine as that takes, none where the body has no volume. Inside is what the surface and its caps wind round other than 0 times.
+/// Points of a cubic grid that are inside the body with its vertices at `points` (#vertices × 3), bottom to top, line by line: at least `count`, or none where
+/// the body has no volume, or is so thin that the grid would have more than [`LINES`] lines. Inside is what the surface and its caps wind round other than 0
+/// times.
 pub(crate) fn inside(solid: &Solid, points: &[DVec3], count: usize) -> Vec<DVec3> {
-    /// Grids that are tried. More: time; fewer: thin shells have too few.
+    /// Grids that are tried. More: time; fewer: bodies whose volume says little of their inside have too few.
     const GRIDS: usize = 16;
 
     /// Each is finer than the last by this factor at least, and at most by the other. Nearer to 1: more grids, and fewer points than needed; farther: more points than
@@ -18,9 +18,10 @@ pub(crate) fn inside(solid: &Solid, points: &[DVec3], count: usize) -> Vec<DVec3
     let (origin, points) = (lossless_origin(points), solid.points_with_apexes(points));
     let Some(bounds) = Bounds::of(&points) else { return Vec::new() };
     let size = bounds.size();
-    let mut spacing = (size.x * size.y * size.z / count.max(1) as f64).cbrt();
+    let volume = solid.volume(&points[..solid.vertex_count()]).abs();
+    let mut spacing = (volume / count.max(1) as f64).cbrt();
     for _ in 0..GRIDS {
-        if spacing <= tolerances::INSIDE * bounds.extent() {
+        if spacing * spacing * LINES < size.x * size.y || spacing == 0.0 {
             break;
         }
         let found = on_grid(solid, &points, bounds, spacing);
@@ -32,6 +33,9 @@ pub(crate) fn inside(solid: &Solid, points: &[DVec3], count: usize) -> Vec<DVec3
     }
     Vec::new()
 }
+
+/// The most lines of a grid. More: memory, 24 bytes for each time that one goes through the surface; fewer: thin bodies have no points.
+const LINES: f64 = 4e6;
 
 /// Where a line along z goes through the surface, and how it winds there.
 struct Crossing {
@@ -125,6 +129,30 @@ mod tests {
         let hollow = shapes::hollow_sphere(3, 0.8);
         let found = inside(&solid(&hollow), hollow.points(), 300);
         assert!(found.len() >= 300 && found.iter().all(|p| p.length() > 0.78 && p.length() < 1.0));
+    }
+
+    /// Tilted plates: down to a millionth of their length in thickness they have points, and where they would take too many lines, none.
+    #[test]
+    fn thin_bodies_have_points_or_none() {
+        for (thickness, has_points) in [(1e-3, true), (1e-6, true), (1e-13, false)] {
+            let plate = shapes::plate(DVec3::new(1.0, 1.0, thickness), [2, 2]);
+            let tilt = glam::DMat3::from_axis_angle(DVec3::new(0.6, 0.8, 0.0), 0.7);
+            let plate = plate.with_points(plate.points().iter().map(|p| tilt * *p).collect()).unwrap();
+            let found = inside(&solid(&plate), plate.points(), 50);
+            assert!(
+                if has_points { (50..200).contains(&found.len()) } else { found.is_empty() },
+                "{thickness}: {}",
+                found.len()
+            );
+            let middle = tilt.transpose() * plate.bounds().unwrap().center();
+            for p in &found {
+                let off = tilt.transpose() * *p - middle;
+                assert!(
+                    off.abs().cmple(DVec3::new(0.5, 0.5, 0.5 * thickness) * (1.0 + 1e-6)).all(),
+                    "{thickness}: {off}"
+                );
+            }
+        }
     }
 
     #[test]
