@@ -136,8 +136,8 @@ pub(crate) fn corrected(
                 let surface = here.get_or_insert_with(|| surface_of(&state));
                 surface.pull(problem, axis, k, &points);
                 surface.take(k, &delta, &mut open);
-                state = moved_along(problem, &state, axis, &delta);
                 here = None;
+                state = moved_along(problem, state, axis, &delta);
                 if let Some(trace) = &mut trace {
                     trace.push(Taken::Points { axis: k });
                 }
@@ -159,10 +159,10 @@ pub(crate) fn corrected(
             let delta = axis.metric.displacement(&z);
             surface.take(k, &delta, &mut open);
             part.iter().for_each(|goal| open[*goal] = left[*goal] * deficits[*goal]);
-            let after = moved_along(problem, &state, axis, &delta);
-            let before = Box::new(std::mem::replace(&mut state, after));
             here = None;
-            if let Some(trace) = &mut trace {
+            let before = trace.is_some().then(|| Box::new(state.clone()));
+            state = moved_along(problem, state, axis, &delta);
+            if let (Some(trace), Some(before)) = (&mut trace, before) {
                 let (multipliers, rows, goals) = (rows.multipliers(&z), rows.clone(), part.clone());
                 let left = part.iter().map(|goal| left[*goal]).collect();
                 trace.push(Taken::Volumes { axis: k, before, rows, goals, left, delta, multipliers });
@@ -175,7 +175,7 @@ pub(crate) fn corrected(
         let points = AxisPoints::of(problem, &state, axes)?;
         for (k, axis) in axes.iter().enumerate() {
             if let Some(delta) = points.delta(problem, &state, axis, k)? {
-                state = moved_along(problem, &state, axis, &delta);
+                state = moved_along(problem, state, axis, &delta);
             }
         }
     }
@@ -206,7 +206,7 @@ pub(crate) fn corrected(
         };
         let changes: Vec<f64> = part.iter().map(|goal| deficits[*goal]).collect();
         let (z, _) = rows.least(problem.binding.control_count(), &changes);
-        Some(moved_along(problem, state, &axes[k], &axes[k].metric.displacement(&z)))
+        Some(moved_along(problem, state.clone(), &axes[k], &axes[k].metric.displacement(&z)))
     }))
 }
 
@@ -245,18 +245,24 @@ impl Plan {
     }
 }
 
-/// `state` after displacements `delta` (#controls) along an axis, its volumes not yet measured.
-fn moved_along(problem: &Problem, state: &State, axis: &Axis, delta: &[f64]) -> State {
-    let mut vertices = problem.spare.array();
-    let finish = |v: usize, shift: f64| moved(state.vertices[v], axis.direction * shift);
-    problem.binding.product(delta, vertices.memory(), finish);
-    State {
-        displacement: state.displacement.iter().zip(delta).map(|(d, by)| moved(*d, axis.direction * *by)).collect(),
-        vertices: Arc::new(vertices),
-        volumes: state.volumes.clone(),
-        slope: None,
-        steps: state.steps + 1,
+/// `state` after displacements `delta` (#controls) along an axis, its volumes not yet measured. Its vertices move where they are unless others
+/// refer to them.
+fn moved_along(problem: &Problem, mut state: State, axis: &Axis, delta: &[f64]) -> State {
+    let Axis { direction, .. } = *axis;
+    match Arc::get_mut(&mut state.vertices) {
+        Some(vertices) => {
+            let finish = |_, shift: f64, p| moved(p, direction * shift);
+            problem.binding.product(delta, vertices.memory(), finish);
+        }
+        None => {
+            let mut vertices = problem.spare.array();
+            let finish = |v: usize, shift: f64, _| moved(state.vertices[v], direction * shift);
+            problem.binding.product(delta, vertices.memory(), finish);
+            state.vertices = Arc::new(vertices);
+        }
     }
+    state.displacement.iter_mut().zip(delta).for_each(|(d, by)| *d = moved(*d, direction * *by));
+    State { slope: None, steps: state.steps + 1, ..state }
 }
 
 /// How much a volume depends on an axis.

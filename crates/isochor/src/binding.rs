@@ -181,7 +181,7 @@ impl Binding {
 
     /// [`Binding::apply`] in the memory of `out`.
     pub(crate) fn apply_into(&self, c: &[DVec3], out: &mut Vec<DVec3>) {
-        self.product(c, out, |_, d: DVec3| d);
+        self.product(c, out, |_, d: DVec3, _| d);
     }
 
     /// `points + W c` (#vertices × 3) in one go: [`displaced`] by [`Binding::apply`], with the same bits.
@@ -199,7 +199,7 @@ impl Binding {
     /// [`Binding::displaced`] in the memory of `out`.
     pub(crate) fn displace_into(&self, points: &[DVec3], c: &[DVec3], out: &mut Vec<DVec3>) {
         assert_eq!(points.len(), self.vertex_count(), "one entry for each vertex");
-        self.product(c, out, |v, d: DVec3| moved(points[v], d));
+        self.product(c, out, |v, d: DVec3, _| moved(points[v], d));
     }
 
     /// `W c` for one number per control (#controls), as where all controls move along one direction.
@@ -210,7 +210,7 @@ impl Binding {
     #[must_use]
     pub fn apply_scalar(&self, c: &[f64]) -> Vec<f64> {
         let mut product = Vec::new();
-        self.product(c, &mut product, |_, d: f64| d);
+        self.product(c, &mut product, |_, d: f64, _| d);
         product
     }
 
@@ -305,12 +305,12 @@ impl Binding {
         self.rows_of(order)
     }
 
-    /// `finish(v, (W c)_v)` for every vertex v.
+    /// `finish(v, (W c)_v, out_v)` for every vertex v, to `out`: what is there already stays where it has an entry for each vertex.
     pub(crate) fn product<T: Entry<D>, U: Copy + Default + Send, const D: usize>(
         &self,
         c: &[T],
         out: &mut Vec<U>,
-        finish: impl Fn(usize, T) -> U + Sync + Send,
+        finish: impl Fn(usize, T, U) -> U + Sync + Send,
     ) {
         assert_eq!(c.len(), self.control_count(), "one entry for each control");
         parallel::resize(out, self.vertex_count());
@@ -324,7 +324,7 @@ impl Binding {
     ) -> Vec<T> {
         // Partial sums over fixed parts of the vertices, each part at least as long as the sums themselves.
         let vertices = self.vertex_count();
-        let part = parallel::CHUNK.max(vertices.div_ceil(parallel::PARTS)).max(self.control_count());
+        let part = parallel::chunk(vertices).max(vertices.div_ceil(parallel::PARTS)).max(self.control_count());
         let sums = parallel::map_chunks(vertices, part, |range| self.part_of_transposed(range, &g));
         self.sum_of_parts(sums)
     }

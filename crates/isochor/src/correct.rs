@@ -808,17 +808,19 @@ pub(crate) struct Normals {
 }
 
 impl State {
-    /// This state after `step`, its volumes not yet measured.
-    pub(crate) fn after(&self, step: &Step) -> Self {
-        self.after_part(step, 1.0)
+    /// This state after `t` times `step`, in whose memory its vertices are then; its volumes are not yet measured.
+    pub(crate) fn after_part(&self, step: Step, t: f64) -> Self {
+        let Step { controls, mut vertices } = step;
+        parallel::for_each_chunk(vertices.memory(), parallel::CHUNK, |first, part| {
+            part.iter_mut().zip(&self.vertices[first..]).for_each(|(d, p)| *d = moved(*p, *d * t));
+        });
+        self.after_moves(vertices, controls.into_iter().map(|by| by * t))
     }
 
-    /// This state after `t` times `step`, its volumes not yet measured.
-    pub(crate) fn after_part(&self, step: &Step, t: f64) -> Self {
-        let mut vertices = step.vertices.spare().array();
-        parallel::fill(vertices.memory(), self.vertices.len(), |v| moved(self.vertices[v], step.vertices[v] * t));
+    /// This state with its controls moved and its vertices at new places.
+    fn after_moves(&self, vertices: Array, controls: impl Iterator<Item = DVec3>) -> Self {
         Self {
-            displacement: self.displacement.iter().zip(&step.controls).map(|(d, by)| moved(*d, *by * t)).collect(),
+            displacement: self.displacement.iter().zip(controls).map(|(d, by)| moved(*d, by)).collect(),
             vertices: Arc::new(vertices),
             volumes: self.volumes.clone(),
             slope: None,
@@ -1010,7 +1012,7 @@ impl<'a> Problem<'a> {
             let z = rows
                 .least(self.metric.unknowns(), &self.moves(&state), tolerances::POINT * self.extent)
                 .map_err(|Missed { row, by }| self.misses(&state, row, by))?;
-            state = self.measured(state.after(&self.step(&z)));
+            state = self.measured(self.after(&state, &z));
         }
         Ok(state)
     }
@@ -1026,6 +1028,14 @@ impl<'a> Problem<'a> {
         let mut vertices = self.spare.array();
         self.binding.apply_into(&controls, vertices.memory());
         Step { controls, vertices }
+    }
+
+    /// `state` after what z (#unknowns) does, its volumes not yet measured.
+    pub(crate) fn after(&self, state: &State, z: &[f64]) -> State {
+        let controls = self.metric.displacement(z);
+        let mut vertices = self.spare.array();
+        self.binding.displace_into(&state.vertices, &controls, vertices.memory());
+        state.after_moves(vertices, controls.into_iter())
     }
 
     /// `state` with its volumes measured.
@@ -1188,6 +1198,6 @@ impl<'a> Problem<'a> {
 
     /// [`Problem::after_least`] with normals that are known.
     pub(crate) fn after_least_along(&self, normals: &Normals, state: &State, deficits: &[f64]) -> Option<State> {
-        Some(state.after(&self.step(&self.least(normals, deficits).ok()?)))
+        Some(self.after(state, &self.least(normals, deficits).ok()?))
     }
 }

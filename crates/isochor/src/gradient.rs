@@ -35,17 +35,23 @@ fn along_line(problem: &Problem, state: &State) -> Result<State, CorrectError> {
     let volume = problem.goal_volumes(state)[0];
     let turns = |reach| problem.impossible(Some(0), Reason::Turns { limit: volume + reach });
     let t = cubic.first_root(problem.goals.targets[0] - volume).map_err(turns)?;
-    let end = problem.with_points(problem.measured(state.after_part(&line.unit, t)))?;
+    let Line { z, unit, .. } = line;
+    let end = problem.with_points(problem.measured(state.after_part(unit, t)))?;
     // What rounding left is taken away along the same line, where the volume is not about to turn.
     let slope = cubic.slope(t);
     Ok(problem.finished(end, |state, deficits, round| match round {
-        0 | 1 if slope > 0.5 * cubic.a1 => Some(state.after_part(&line.unit, deficits[0] / slope)),
+        0 | 1 if slope > 0.5 * cubic.a1 => {
+            let z: Vec<f64> = z.iter().map(|z| z * deficits[0] / slope).collect();
+            Some(problem.after(state, &z))
+        }
         _ => problem.after_least(state, deficits),
     }))
 }
 
 /// The line `C + t D` through a state, for one goal.
 struct Line {
+    /// h/|h| (#unknowns).
+    z: Vec<f64>,
     /// D = R h/|h| (#controls × 3) with h = Rᵀ Wᵀ g, less what would move a point, and d = W D (#vertices × 3).
     unit: Step,
     /// a₁ = (Wᵀ g) · D = |h|.
@@ -58,8 +64,8 @@ impl Line {
         let normals = problem.normals(&problem.slopes(state));
         normals.rows.is_independent(0).then(|| {
             let slope = norm(&normals.pulled[0]);
-            let unit: Vec<f64> = normals.pulled[0].iter().map(|h| h / slope).collect();
-            Self { unit: problem.step(&unit), slope }
+            let z: Vec<f64> = normals.pulled[0].iter().map(|h| h / slope).collect();
+            Self { unit: problem.step(&z), z, slope }
         })
     }
 
@@ -96,7 +102,7 @@ fn along_all(problem: &Problem, start: &State) -> Result<State, CorrectError> {
     let state_at = |t: &[f64]| {
         let mut z = vec![0.0; problem.metric.unknowns()];
         lines.iter().zip(t).for_each(|(line, t)| add(&mut z, *t, line));
-        problem.measured(start.after(&problem.step(&z)))
+        problem.measured(problem.after(start, &z))
     };
     let jacobian = |state: &State| {
         let at = problem.normals(&problem.slopes(state));

@@ -10,6 +10,17 @@ use rayon::prelude::*;
 /// Items per chunk where each item is cheap. Larger: less overhead per chunk; smaller: better balance between threads.
 pub(crate) const CHUNK: usize = 8192;
 
+/// Items per chunk of `len` where even one item takes long, as a triangle or a row of weights does: threads share the work on small bodies too.
+pub(crate) fn chunk(len: usize) -> usize {
+    /// Fewer: the sums that each chunk has of its own take as long as its items.
+    const LEAST: usize = 1024;
+    /// Chunks from which on more bring no better balance.
+    const ENOUGH: usize = 8;
+    /// Items that one thread has done before another one is awake.
+    const TOO_FEW: usize = 4096;
+    if len <= TOO_FEW { TOO_FEW } else { (len / ENOUGH).clamp(LEAST, CHUNK) }
+}
+
 /// Most partial sums of products over vertices. More: better balance between many threads; fewer: less memory.
 pub(crate) const PARTS: usize = 32;
 

@@ -154,12 +154,12 @@ impl Stored {
         sum
     }
 
-    /// `finish(v, (W c)_v)` for every vertex v, to `out`, which has an entry for each.
-    pub(crate) fn product<T: Entry<D>, U: Send, const D: usize>(
+    /// `finish(v, (W c)_v, out_v)` for every vertex v, to `out`, which has an entry for each.
+    pub(crate) fn product<T: Entry<D>, U: Copy + Send, const D: usize>(
         &self,
         c: &[T],
         out: &mut [U],
-        finish: impl Fn(usize, T) -> U + Sync + Send,
+        finish: impl Fn(usize, T, U) -> U + Sync + Send,
     ) {
         let mut planes: [Vec<f64>; D] = std::array::from_fn(|_| vec![0.0; self.stride]);
         for (i, c) in c.iter().enumerate() {
@@ -176,13 +176,13 @@ impl Stored {
 
     /// That of the vertices from the first on.
     #[inline(always)]
-    fn part_of_product<S: Simd, T: Entry<D>, U, const D: usize, const FUSED: bool>(
+    fn part_of_product<S: Simd, T: Entry<D>, U: Copy, const D: usize, const FUSED: bool>(
         &self,
         simd: S,
         planes: &[Vec<f64>; D],
         first: usize,
         out: &mut [U],
-        finish: impl Fn(usize, T) -> U,
+        finish: impl Fn(usize, T, U) -> U,
     ) {
         let rows = &self.weights[first * self.stride..][..out.len() * self.stride];
         for (k, (rows, out)) in rows.chunks(LANES * self.stride).zip(out.chunks_mut(LANES)).enumerate() {
@@ -205,7 +205,7 @@ impl Stored {
                     (a + b) + (c + d)
                 };
                 let coordinates = std::array::from_fn(|x| whole(sums[x][i]));
-                *out = finish(first + LANES * k + i, T::of(coordinates));
+                *out = finish(first + LANES * k + i, T::of(coordinates), *out);
             }
         }
     }
@@ -308,9 +308,9 @@ mod tests {
         let planes = [0, 1, 2].map(|x| c.iter().map(|c| c[x]).chain([0.0]).collect::<Vec<f64>>());
         let mut at_baseline = vec![DVec3::ZERO; 37];
         dispatch!(Level::baseline(), simd =>
-            rows.part_of_product::<_, DVec3, _, 3, false>(simd, &planes, 0, &mut at_baseline, |_, d| d));
+            rows.part_of_product::<_, DVec3, _, 3, false>(simd, &planes, 0, &mut at_baseline, |_, d, _| d));
         let mut product = vec![DVec3::ZERO; 37];
-        rows.product(&c, &mut product, |_, d: DVec3| d);
+        rows.product(&c, &mut product, |_, d: DVec3, _| d);
         assert_eq!(product, at_baseline);
         let transposed = dispatch!(Level::baseline(), simd =>
             rows.transposed_product::<_, DVec3, 3, false>(simd, 0..37, |v| g[v]));

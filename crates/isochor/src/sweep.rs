@@ -112,10 +112,17 @@ pub(crate) fn unpacked([z, x, y, _]: PackedSum) -> DVec3 {
     DVec3::new(x, y, z)
 }
 
-/// x, y, z, 0
+/// x, y, z of point `v` of `coordinates` (#points · 3), and a number without meaning.
 #[inline(always)]
-fn packed<S: Simd>(simd: S, p: &DVec3) -> f64x4<S> {
-    f64x4::from_slice(simd, &[p.x, p.y, p.z, 0.0])
+fn packed<S: Simd>(simd: S, coordinates: &[f64], v: u32) -> f64x4<S> {
+    let first = 3 * v as usize;
+    match coordinates.get(first..first + 4) {
+        Some(four) => f64x4::from_slice(simd, four),
+        None => {
+            let [x, y, z] = [coordinates[first], coordinates[first + 1], coordinates[first + 2]];
+            f64x4::from_slice(simd, &[x, y, z, 0.0])
+        }
+    }
 }
 
 /// y, z, x, y
@@ -125,12 +132,17 @@ fn rotated<S: Simd>(v: f64x4<S>) -> f64x4<S> {
     low.slide::<1>(high).combine(low)
 }
 
-/// [`doubled_area_vector`], packed as z, x, y.
+/// [`doubled_area_vector`] of a triangle with packed corners, packed as z, x, y.
 #[inline(always)]
-fn packed_area_vector<S: Simd>(simd: S, [a, b, c]: [u32; 3], points: &[DVec3]) -> f64x4<S> {
-    let a = packed(simd, &points[a as usize]);
-    let (b, c) = (packed(simd, &points[b as usize]) - a, packed(simd, &points[c as usize]) - a);
+fn packed_area_vector<S: Simd>([a, b, c]: [f64x4<S>; 3]) -> f64x4<S> {
+    let (b, c) = (b - a, c - a);
     b * rotated(c) - rotated(b) * c
+}
+
+/// The corners of a triangle, packed.
+#[inline(always)]
+fn packed_corners<S: Simd>(simd: S, coordinates: &[f64], [l, m, n]: [u32; 3]) -> [f64x4<S>; 3] {
+    [packed(simd, coordinates, l), packed(simd, coordinates, m), packed(simd, coordinates, n)]
 }
 
 /// Adds a vector to the sums of those corners of a triangle that are among the vertices from `first` on.
@@ -153,9 +165,10 @@ pub(crate) fn add_area_vectors<S: Simd>(
     first: usize,
     sums: &mut [PackedSum],
 ) {
+    let coordinates = bytemuck::cast_slice(points);
     for t in list {
         let triangle = triangles[*t as usize];
-        add_at_corners(simd, triangle, packed_area_vector(simd, triangle, points), first, sums);
+        add_at_corners(simd, triangle, packed_area_vector(packed_corners(simd, coordinates, triangle)), first, sums);
     }
 }
 
@@ -172,12 +185,19 @@ pub(crate) fn add_area_vectors_and_determinants<S: Simd, const FUSED: bool>(
     let mut sum = Lanes::zero(simd);
     let mut corners = Corners::zero();
     let mut own: Column = [0.0; BATCH];
+    let coordinates = bytemuck::cast_slice(points);
     for list in list.chunks(BATCH) {
         for (i, t) in list.iter().enumerate() {
             let triangle = triangles[*t as usize];
             corners.set(i, triangle, points);
             own[i] = f64::from(u8::from((triangle[0] as usize).wrapping_sub(first) < sums.len()));
-            add_at_corners(simd, triangle, packed_area_vector(simd, triangle, points), first, sums);
+            add_at_corners(
+                simd,
+                triangle,
+                packed_area_vector(packed_corners(simd, coordinates, triangle)),
+                first,
+                sums,
+            );
         }
         own[list.len()..].fill(0.0);
         for at in (0..list.len()).step_by(WIDTH) {
@@ -189,24 +209,38 @@ pub(crate) fn add_area_vectors_and_determinants<S: Simd, const FUSED: bool>(
 }
 
 /// Σ A(d)·(x_l + x_m + x_n) and Σ A(d)·(d_l + d_m + d_n), each with the sum of its terms' magnitudes; A(d) is twice the area vector of a
-/// triangle with corners d. Packed it is no faster: there are too many numbers to bring together.
-pub(crate) fn area_products(triangles: &[[u32; 3]], x: &[DVec3], d: &[DVec3]) -> [(f64, f64); 2] {
+/// triangle with corners d.
+#[inline(always)]
+pub(crate) fn area_products<S: Simd>(simd: S, triangles: &[[u32; 3]], x: &[DVec3], d: &[DVec3]) -> [(f64, f64); 2] {
+    let (x, d): (&[f64], &[f64]) = (bytemuck::cast_slice(x), bytemuck::cast_slice(d));
+    let zero = f64x4::splat(simd, 0.0);
     let mut sums = [(0.0, 0.0); 2];
     for triangles in triangles.chunks(BATCH) {
         // Sums of a batch first, so that rounding stays small beside the magnitudes.
-        let mut of_batch = [(DVec3::ZERO, DVec3::ZERO); 2];
-        for [l, m, n] in triangles {
-            let [l, m, n] = [*l as usize, *m as usize, *n as usize];
-            let area = doubled_area_vector([d[l], d[m], d[n]]);
-            for ((sum, magnitude), points) in of_batch.iter_mut().zip([x, d]) {
-                let term = area * (points[l] + points[m] + points[n]);
-                *sum += term;
-                *magnitude += term.abs();
-            }
+        let (mut with_x, mut size_x, mut with_d, mut size_d) = (zero, zero, zero, zero);
+        for triangle in triangles {
+            let of_d = packed_corners(simd, d, *triangle);
+            let area = rotated(packed_area_vector(of_d)); // x, y, z
+            let term = area * total(packed_corners(simd, x, *triangle));
+            (with_x, size_x) = (with_x + term, size_x + term.abs());
+            let term = area * total(of_d);
+            (with_d, size_d) = (with_d + term, size_d + term.abs());
         }
-        for (all, (sum, magnitude)) in sums.iter_mut().zip(of_batch) {
-            *all = (all.0 + sum.element_sum(), all.1 + magnitude.element_sum());
+        for (all, (sum, magnitude)) in sums.iter_mut().zip([(with_x, size_x), (with_d, size_d)]) {
+            *all = (all.0 + of_three(sum), all.1 + of_three(magnitude));
         }
     }
     sums
+}
+
+#[inline(always)]
+fn total<S: Simd>([l, m, n]: [f64x4<S>; 3]) -> f64x4<S> {
+    l + m + n
+}
+
+/// The sum of the first three numbers.
+#[inline(always)]
+fn of_three<S: Simd>(v: f64x4<S>) -> f64 {
+    let [x, y, z, _]: [f64; 4] = v.into();
+    x + y + z
 }

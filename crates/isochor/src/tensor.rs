@@ -32,8 +32,8 @@ pub(crate) struct Tensor {
     /// Where in them, along u, v, w (#vertices each).
     local: [Vec<f64>; 3],
     kept: usize,
-    /// Whether the cells are in ascending order.
-    is_sorted: bool,
+    /// Where each run ends, where the cells are in ascending order.
+    ends: Option<Vec<u32>>,
     is_portable: bool,
 }
 
@@ -83,6 +83,9 @@ impl Cell<'_> {
 struct Places<'a> {
     cells: &'a [[u16; 3]],
     local: [&'a [f64]; 3],
+    /// Which vertex the first of them is, and where runs end from the one on that it is in, if that is known.
+    first: usize,
+    ends: Option<&'a [u32]>,
 }
 
 /// The same in the order of cells.
@@ -94,6 +97,20 @@ struct Sorted {
 }
 
 impl Places<'_> {
+    /// The runs one after the other: the cell of each, and where it ends among these vertices.
+    #[inline(always)]
+    fn runs(&self) -> impl Iterator<Item = ([u16; 3], usize)> {
+        let (mut at, mut ends) = (0, self.ends.map(<[u32]>::iter));
+        std::iter::from_fn(move || {
+            let rest = self.cells.get(at..).filter(|rest| !rest.is_empty())?;
+            at = match &mut ends {
+                Some(ends) => self.cells.len().min(*ends.next()? as usize - self.first),
+                None => at + rest.iter().take_while(|cell| **cell == rest[0]).count(),
+            };
+            Some((rest[0], at))
+        })
+    }
+
     /// Along an axis, eight vertices from the i-th on; what is beyond the last one is 0.
     #[inline(always)]
     fn eight<S: Simd>(&self, simd: S, axis: usize, i: usize) -> f64x8<S> {
@@ -111,7 +128,7 @@ impl Places<'_> {
 
 impl Sorted {
     fn places(&self) -> Places<'_> {
-        Places { cells: &self.cells, local: self.local.each_ref().map(|of| &of[..]) }
+        Places { cells: &self.cells, local: self.local.each_ref().map(|of| &of[..]), first: 0, ends: None }
     }
 }
 
@@ -134,32 +151,34 @@ impl Tensor {
                 }
             }
         });
-        let (kept, is_sorted) = (cells.iter().filter(|cell| **cell == KEPT).count(), cells.is_sorted());
-        Self {
-            size: bases.each_ref().map(Basis::size),
-            pieces: Arc::new(pieces),
-            cells,
-            local,
-            kept,
-            is_sorted,
-            is_portable: false,
-        }
+        Self::placed(bases.each_ref().map(Basis::size), Arc::new(pieces), cells, local, false)
+    }
+
+    /// A binding of vertices that lie there.
+    fn placed(
+        size: [usize; 3],
+        pieces: Arc<[Pieces; 3]>,
+        cells: Vec<[u16; 3]>,
+        local: [Vec<f64>; 3],
+        is_portable: bool,
+    ) -> Self {
+        let kept = cells.iter().filter(|cell| **cell == KEPT).count();
+        let ends = cells.is_sorted().then(|| {
+            let mut end = 0;
+            let ends = cells.chunk_by(|a, b| a == b).map(|run| {
+                end += run.len() as u32;
+                end
+            });
+            ends.collect()
+        });
+        Self { size, pieces, cells, local, kept, ends, is_portable }
     }
 
     /// The rows of `vertices` alone, in that order.
     pub(crate) fn rows_of(&self, vertices: &[u32]) -> Self {
         let cells = parallel::collect(vertices.len(), |i| self.cells[vertices[i] as usize]);
         let local = self.local.each_ref().map(|of| parallel::collect(vertices.len(), |i| of[vertices[i] as usize]));
-        let (kept, is_sorted) = (cells.iter().filter(|cell| **cell == KEPT).count(), cells.is_sorted());
-        Self {
-            size: self.size,
-            pieces: Arc::clone(&self.pieces),
-            cells,
-            local,
-            kept,
-            is_sorted,
-            is_portable: self.is_portable,
-        }
+        Self::placed(self.size, Arc::clone(&self.pieces), cells, local, self.is_portable)
     }
 
     /// The same without fused multiply-adds.
@@ -189,7 +208,8 @@ impl Tensor {
 
     /// Bytes of its arrays.
     pub(crate) fn memory(&self) -> usize {
-        size_of_val(&self.cells[..]) + self.local.iter().map(|of| size_of_val(&of[..])).sum::<usize>()
+        let ends = self.ends.as_ref().map_or(0, |ends| size_of_val(&ends[..]));
+        size_of_val(&self.cells[..]) + self.local.iter().map(|of| size_of_val(&of[..])).sum::<usize>() + ends
     }
 
     /// Row v: the controls that vertex v depends on, with their weights, none of them 0.
@@ -315,31 +335,33 @@ impl Tensor {
         self.lengths() == [4; 3]
     }
 
-    /// `finish(v, (W c)_v)` for every vertex v, to `out`, which has an entry for each.
+    /// `finish(v, (W c)_v, out_v)` for every vertex v, to `out`, which has an entry for each.
     pub(crate) fn product<T: Entry<D>, U: Copy + Default + Send, const D: usize>(
         &self,
         c: &[T],
         out: &mut [U],
-        finish: impl Fn(usize, T) -> U + Sync + Send,
+        finish: impl Fn(usize, T, U) -> U + Sync + Send,
     ) {
         if self.is_cubic() {
             let planes: [Vec<f64>; D] = std::array::from_fn(|x| c.iter().map(|c| c.coordinates()[x]).collect());
             let level = Level::new();
-            parallel::for_each_chunk(out, parallel::CHUNK, |first, out| {
+            let chunk = parallel::chunk(out.len());
+            parallel::for_each_chunk(out, chunk, |first, out| {
                 let places = self.places(first..first + out.len());
                 let Some(sorted) = self.sorted(&places) else {
-                    let finish = |i: usize, sum| finish(first + i, sum);
+                    let finish = |i: usize, sum, was| finish(first + i, sum, was);
                     return self.dispatched_product(level, &planes, places, out, finish);
                 };
                 let vertex = |i: usize| sorted.order[i] as usize;
-                let mut there = vec![U::default(); out.len()];
-                let finish = |i: usize, sum| finish(first + vertex(i), sum);
+                let mut there: Vec<U> = (0..out.len()).map(|i| out[vertex(i)]).collect();
+                let finish = |i: usize, sum, was| finish(first + vertex(i), sum, was);
                 self.dispatched_product(level, &planes, sorted.places(), &mut there, finish);
                 there.into_iter().enumerate().for_each(|(i, x)| out[vertex(i)] = x);
             });
             return;
         }
-        parallel::for_each_chunk(out, parallel::CHUNK, |first, out| {
+        let chunk = parallel::chunk(out.len());
+        parallel::for_each_chunk(out, chunk, |first, out| {
             let mut scratch = Vec::new();
             for (v, out) in (first..).zip(out) {
                 let mut sum = T::default();
@@ -350,16 +372,16 @@ impl Tensor {
                     }
                     sum += line * w;
                 });
-                *out = finish(v, sum);
+                *out = finish(v, sum, *out);
             }
         });
     }
 
     /// These places in the order of cells, where runs are short and become longer so.
-    fn sorted(&self, Places { cells, local }: &Places) -> Option<Sorted> {
+    fn sorted(&self, Places { cells, local, .. }: &Places) -> Option<Sorted> {
         /// Vertices in a run, on average, below which sorting takes less time than it saves.
         const LONG: usize = 16;
-        if self.is_sorted || cells.chunk_by(|a, b| a == b).count() * LONG <= cells.len() || cells.is_sorted() {
+        if self.ends.is_some() || cells.chunk_by(|a, b| a == b).count() * LONG <= cells.len() || cells.is_sorted() {
             return None;
         }
         let mut keys: Vec<([u16; 3], u32)> = cells.iter().copied().zip(0..).collect();
@@ -369,13 +391,13 @@ impl Tensor {
         Some(Sorted { order, cells: keys.into_iter().map(|(cell, _)| cell).collect(), local })
     }
 
-    fn dispatched_product<T: Entry<D>, U, const D: usize>(
+    fn dispatched_product<T: Entry<D>, U: Copy, const D: usize>(
         &self,
         level: Level,
         planes: &[Vec<f64>; D],
         places: Places,
         out: &mut [U],
-        finish: impl Fn(usize, T) -> U,
+        finish: impl Fn(usize, T, U) -> U,
     ) {
         dispatch!(level, simd => match self.is_portable {
             false => self.cubic_product::<_, T, U, D, true>(simd, planes, places, out, &finish),
@@ -383,21 +405,20 @@ impl Tensor {
         });
     }
 
-    /// `finish(i, the sum)` for the i-th of some vertices.
+    /// `finish(i, the sum, out_i)` for the i-th of some vertices, to `out`.
     #[inline(always)]
-    fn cubic_product<S: Simd, T: Entry<D>, U, const D: usize, const FUSED: bool>(
+    fn cubic_product<S: Simd, T: Entry<D>, U: Copy, const D: usize, const FUSED: bool>(
         &self,
         simd: S,
         planes: &[Vec<f64>; D],
         places: Places,
         out: &mut [U],
-        finish: impl Fn(usize, T) -> U,
+        finish: impl Fn(usize, T, U) -> U,
     ) {
         let mut i = 0;
-        for run in places.cells.chunk_by(|a, b| a == b) {
-            let end = i + run.len();
-            let Some(cell) = self.cubic_cell(run[0]) else {
-                (i..end).zip(&mut out[i..end]).for_each(|(i, out)| *out = finish(i, T::default()));
+        for (cell, end) in places.runs() {
+            let Some(cell) = self.cubic_cell(cell) else {
+                (i..end).zip(&mut out[i..end]).for_each(|(i, out)| *out = finish(i, T::default(), *out));
                 i = end;
                 continue;
             };
@@ -414,7 +435,7 @@ impl Tensor {
                     for x in 0..D {
                         coordinates[x] = sums[x][lane];
                     }
-                    *out = finish(i + lane, T::of(coordinates));
+                    *out = finish(i + lane, T::of(coordinates), *out);
                 }
                 i += count;
             }
@@ -423,7 +444,12 @@ impl Tensor {
 
     /// Where some vertices lie.
     fn places(&self, vertices: Range<usize>) -> Places<'_> {
-        Places { cells: &self.cells[vertices.clone()], local: self.local.each_ref().map(|of| &of[vertices.clone()]) }
+        Places {
+            cells: &self.cells[vertices.clone()],
+            local: self.local.each_ref().map(|of| &of[vertices.clone()]),
+            first: vertices.start,
+            ends: self.ends.as_ref().map(|ends| &ends[ends.partition_point(|end| *end as usize <= vertices.start)..]),
+        }
     }
 
     /// `None` for vertices that are kept.
@@ -520,20 +546,17 @@ impl Tensor {
         let mut planes: [Vec<f64>; D] = std::array::from_fn(|_| vec![0.0; self.control_count()]);
         let mut batch = Batch::<D>::zero();
         let mut i = 0;
-        for run in places.cells.chunk_by(|a, b| a == b) {
-            let end = i + run.len();
-            let Some(cell) = self.cubic_cell(run[0]) else {
+        for (cell, end) in places.runs() {
+            let Some(cell) = self.cubic_cell(cell) else {
                 i = end;
                 continue;
             };
             let mut sums: Sums<D> = [[[[0.0; QUARTET]; 16]; 4]; D];
             while i < end {
                 let count = BATCH.min(end - i);
+                batch.set_g(count, |k| g(i + k));
                 for first in (0..count).step_by(LANES) {
-                    let polynomials = cell.polynomials(simd, &places, i + first);
-                    batch.set(simd, first, &polynomials, |lane| {
-                        if first + lane < count { g(i + first + lane) } else { T::default() }
-                    });
+                    batch.set(simd, first, &cell.polynomials(simd, &places, i + first));
                 }
                 batch.add_to::<S, FUSED>(simd, count, &mut sums);
                 i += count;
@@ -567,6 +590,8 @@ struct Batch<const D: usize> {
     uv: [[f64; BATCH]; 16],
     /// `w_c g_x` at [x][c][vertex].
     wg: [[[f64; BATCH]; 4]; D],
+    /// `g_x` at [x][vertex]: brought together long before it is read, so that packed reads need not wait for single writes.
+    g: [[f64; BATCH]; D],
 }
 
 /// Vertices in a batch: few enough to stay near the processor, many enough that reading and writing the sums costs little. A multiple of
@@ -581,24 +606,29 @@ const QUARTET: usize = 4;
 
 impl<const D: usize> Batch<D> {
     fn zero() -> Self {
-        Self { uv: [[0.0; BATCH]; 16], wg: [[[0.0; BATCH]; 4]; D] }
+        Self { uv: [[0.0; BATCH]; 16], wg: [[[0.0; BATCH]; 4]; D], g: [[0.0; BATCH]; D] }
     }
 
-    /// Puts eight vertices there, from place `first` on.
+    /// Puts `g(i)` of the first `count` vertices there, and 0 for what is beyond them in their last eight.
     #[inline(always)]
-    fn set<S: Simd, T: Entry<D>>(&mut self, simd: S, first: usize, [u, v, w]: &[Four<S>; 3], g: impl Fn(usize) -> T) {
+    fn set_g<T: Entry<D>>(&mut self, count: usize, g: impl Fn(usize) -> T) {
+        for i in 0..count {
+            for (of_x, x) in self.g.iter_mut().zip(g(i).coordinates()) {
+                of_x[i] = x;
+            }
+        }
+        self.g.iter_mut().for_each(|of_x| of_x[count..count.next_multiple_of(LANES)].fill(0.0));
+    }
+
+    /// Puts eight vertices there, from place `first` on, whose g is there.
+    #[inline(always)]
+    fn set<S: Simd>(&mut self, simd: S, first: usize, [u, v, w]: &[Four<S>; 3]) {
         let place = first..first + LANES;
         for (uv, (a, b)) in self.uv.iter_mut().zip((0..4).flat_map(|a| (0..4).map(move |b| (a, b)))) {
             (u[a] * v[b]).store_slice(&mut uv[place.clone()]);
         }
-        let mut all_g = [[0.0; LANES]; D];
-        for lane in 0..LANES {
-            for (of_x, x) in all_g.iter_mut().zip(g(lane).coordinates()) {
-                of_x[lane] = x;
-            }
-        }
-        for (of_x, wg) in all_g.iter().zip(&mut self.wg) {
-            let of_x = f64x8::from_slice(simd, of_x);
+        for (of_x, wg) in self.g.iter().zip(&mut self.wg) {
+            let of_x = f64x8::from_slice(simd, &of_x[place.clone()]);
             for (w, wg) in w.iter().zip(wg) {
                 (*w * of_x).store_slice(&mut wg[place.clone()]);
             }
@@ -727,7 +757,7 @@ mod tests {
     /// W c and Wᵀ g.
     fn products(tensor: &Tensor, c: &[DVec3], g: &[DVec3]) -> (Vec<DVec3>, Vec<DVec3>) {
         let mut apply = vec![DVec3::ZERO; g.len()];
-        tensor.product(c, &mut apply, |_, d| d);
+        tensor.product(c, &mut apply, |_, d, _| d);
         (apply, tensor.part_of_transposed(0..g.len(), |v| g[v]))
     }
 
@@ -736,7 +766,7 @@ mod tests {
         let planes = [0, 1, 2].map(|x| c.iter().map(|c| c[x]).collect());
         let mut apply = vec![DVec3::ZERO; g.len()];
         let (level, places) = (Level::baseline(), tensor.places(0..g.len()));
-        let same = |_, d: DVec3| d;
+        let same = |_, d: DVec3, _| d;
         dispatch!(level, simd => tensor.cubic_product::<_, _, _, 3, FUSED>(simd, &planes, places, &mut apply, same));
         let adjoint =
             dispatch!(level, simd => tensor.cubic_transposed_product::<_, _, 3, FUSED>(simd, places, |v| g[v]));

@@ -68,7 +68,10 @@ pub struct Solid {
 /// Triangles by the parts of the vertices that they touch.
 #[derive(Clone, Debug)]
 struct Touching {
-    /// Those of part b, the vertices `PART · b ..`, are `triangles[starts[b]..starts[b + 1]]`, ascending.
+    /// Vertices per part. Larger: fewer triangles lie across the border of two parts, and are computed twice; smaller: better balance
+    /// between threads.
+    part: usize,
+    /// Those of part b, the vertices `part · b ..`, are `triangles[starts[b]..starts[b + 1]]`, ascending.
     starts: Vec<u32>,
     triangles: Vec<u32>,
     /// For sums over them.
@@ -83,10 +86,6 @@ struct Cap {
     /// The triangles of the fan, ascending. The apex comes last in each.
     fan: Vec<u32>,
 }
-
-/// Vertices per part of a gradient. Larger: fewer triangles lie across the border of two parts, and are computed twice; smaller:
-/// better balance between threads.
-const PART: usize = parallel::CHUNK;
 
 /// Rounded, for gradients: products are much faster than divisions.
 const SIXTH: f64 = 1.0 / 6.0;
@@ -354,7 +353,7 @@ impl Solid {
     ) -> (Volumes, Vec<R>) {
         let level = Level::new();
         let add = |points: &[DVec3], first: usize, sums: &mut [PackedSum]| {
-            let (triangles, runs) = (&self.triangles[..], self.runs(first / PART));
+            let (triangles, runs) = (&self.triangles[..], self.runs(first));
             let determinants = runs.map(|(component, run)| {
                 let sum = dispatch!(level, simd => match is_fused(simd) {
                     true => sweep::add_area_vectors_and_determinants::<_, true>(simd, triangles, run, points, first, sums),
@@ -377,7 +376,7 @@ impl Solid {
     ) -> Vec<R> {
         let level = Level::new();
         let add = |points: &[DVec3], first: usize, sums: &mut [PackedSum]| {
-            let list = self.triangles_at(first / PART);
+            let list = self.triangles_at(first);
             dispatch!(level, simd => sweep::add_area_vectors(simd, &self.triangles, list, points, first, sums));
         };
         self.gradient_parts(points, add, |(), part, g| of_part(part, g))
@@ -394,7 +393,7 @@ impl Solid {
         debug_assert!(self.caps.is_empty(), "a body without caps");
         let points = self.near_with_apexes(points);
         let touching = self.touching(); // threads do not wait for one another
-        parallel::map_chunks(self.vertices, PART, |part| {
+        parallel::map_chunks(self.vertices, touching.part, |part| {
             let mut scratch = touching.sums.array();
             let sums = scratch.memory();
             sums.clear();
@@ -414,15 +413,16 @@ impl Solid {
         self.touching.get_or_init(|| Touching::of(&self.triangles, self.vertices))
     }
 
-    /// The triangles that touch part `part` of the vertices, ascending.
-    fn triangles_at(&self, part: usize) -> &[u32] {
-        let Touching { starts, triangles, .. } = self.touching();
+    /// The triangles that touch the part of the vertices that begins with `first`, ascending.
+    fn triangles_at(&self, first: usize) -> &[u32] {
+        let Touching { part, starts, triangles, .. } = self.touching();
+        let part = first / part;
         &triangles[starts[part] as usize..starts[part + 1] as usize]
     }
 
     /// The same, component by component.
-    fn runs(&self, part: usize) -> impl Iterator<Item = (usize, &[u32])> {
-        let mut rest = self.triangles_at(part);
+    fn runs(&self, first: usize) -> impl Iterator<Item = (usize, &[u32])> {
+        let mut rest = self.triangles_at(first);
         std::iter::from_fn(move || {
             let first = *rest.first()? as usize;
             let component = self.components.partition_point(|range| range.end <= first);
@@ -498,12 +498,12 @@ impl Solid {
         of_triangle: impl Fn([u32; 3]) -> DVec3 + Send + Sync,
     ) {
         assert!(weights.is_none_or(|w| w.len() == self.components.len()), "one weight for each component of the solid");
-        self.touching(); // threads do not wait for one another
+        let Touching { part, .. } = *self.touching(); // threads do not wait for one another
         let triangles = &*self.triangles;
         parallel::resize(sums, self.vertices);
-        parallel::for_each_chunk(sums, PART, |first, sums| {
+        parallel::for_each_chunk(sums, part, |first, sums| {
             sums.fill(DVec3::ZERO);
-            for (component, run) in self.runs(first / PART) {
+            for (component, run) in self.runs(first) {
                 let weight = weights.map_or(1.0, |w| w[component]);
                 for triangle in run.iter().map(|t| triangles[*t as usize]) {
                     let vector = of_triangle(triangle) * weight;
@@ -527,7 +527,11 @@ impl Solid {
         let (x, d) = (self.near_with_apexes(x), self.near_with_apexes(d));
         let chunks: Vec<Range<usize>> =
             (0..self.components.len()).filter(|c| is_counted(*c)).flat_map(|c| chunks(&self.components[c])).collect();
-        let parts = parallel::map(chunks.len(), |k| sweep::area_products(&self.triangles[chunks[k].clone()], &x, &d));
+        let level = Level::new();
+        let parts = parallel::map(chunks.len(), |k| {
+            let triangles = &self.triangles[chunks[k].clone()];
+            dispatch!(level, simd => sweep::area_products(simd, triangles, &x, &d))
+        });
         let mut sums = [(0.0, 0.0); 2];
         for part in parts {
             sums.iter_mut().zip(part).for_each(|(sum, part)| *sum = (sum.0 + part.0, sum.1 + part.1));
@@ -557,11 +561,15 @@ impl Solid {
         encloses_nothing(volume, self.triangles.len(), extent, || self.area(points))
     }
 
-    /// The body over `clusters` of vertices, for the cluster of each vertex (#vertices): triangles that collapse are dropped.
-    pub(crate) fn clustered(&self, cluster_of: &[u32], clusters: usize) -> Self {
-        let renamed = |v: u32| match cluster_of.get(v as usize) {
+    /// The body over `clusters` of vertices: `cluster_of[cell_of[v]]` is that of vertex v. Each cell is one cluster. Triangles that collapse
+    /// are dropped.
+    pub(crate) fn clustered(&self, cell_of: &[u32], cluster_of: &[u32], clusters: usize) -> Self {
+        let cells = cluster_of.len();
+        // Apexes are clusters of their own.
+        let cell = |v: u32| cell_of.get(v as usize).copied().unwrap_or((cells + v as usize - self.vertices) as u32);
+        let cluster = |cell: u32| match cluster_of.get(cell as usize) {
             Some(cluster) => *cluster,
-            None => (clusters + (v as usize - self.vertices)) as u32, // an apex
+            None => (clusters + cell as usize - cells) as u32,
         };
         let mut triangles = Vec::new();
         let mut components = Vec::with_capacity(self.components.len());
@@ -569,14 +577,14 @@ impl Solid {
             let start = triangles.len();
             let of_component = &self.triangles[range.clone()];
             let left = parallel::map_chunks(of_component.len(), parallel::CHUNK, |chunk| -> Vec<[u32; 3]> {
-                let renamed = of_component[chunk].iter().map(|t| t.map(renamed));
-                renamed.filter(|[a, b, c]| a != b && b != c && c != a).collect()
+                let in_cells = of_component[chunk].iter().map(|t| t.map(cell));
+                in_cells.filter(|[a, b, c]| a != b && b != c && c != a).map(|t| t.map(cluster)).collect()
             });
             left.iter().for_each(|of_chunk| triangles.extend(of_chunk));
             components.push(start..triangles.len());
         }
         let members = |cap: &Cap| {
-            let mut members: Vec<u32> = cap.members.iter().map(|v| cluster_of[*v as usize]).collect();
+            let mut members: Vec<u32> = cap.members.iter().map(|v| cluster(cell(*v))).collect();
             members.sort_unstable();
             members.dedup();
             Cap { members, fan: Vec::new() }
@@ -742,8 +750,8 @@ pub(crate) fn spread_and_products(g: impl Iterator<Item = DVec3>, p: &[DVec3]) -
 
 /// Fixed chunks of the triangles of a component.
 fn chunks(range: &Range<usize>) -> impl Iterator<Item = Range<usize>> + use<> {
-    let end = range.end;
-    range.clone().step_by(parallel::CHUNK).map(move |i| i..end.min(i + parallel::CHUNK))
+    let (end, chunk) = (range.end, parallel::chunk(range.len()));
+    range.clone().step_by(chunk).map(move |i| i..end.min(i + chunk))
 }
 
 /// `(b − a) × (c − a)`: twice the area vector of a triangle.
@@ -848,10 +856,11 @@ fn caps(topology: &Topology, vertices: usize) -> (Vec<Cap>, Vec<(u32, [u32; 3])>
 
 impl Touching {
     fn of(triangles: &[[u32; 3]], vertices: usize) -> Self {
-        let parts = vertices.div_ceil(PART);
+        let part = parallel::chunk(vertices);
+        let parts = vertices.div_ceil(part);
         // The parts of a triangle's corners, each once; apexes have none.
         let parts_of = |triangle: &[u32; 3]| {
-            let [a, b, c] = triangle.map(|v| v as usize / PART);
+            let [a, b, c] = triangle.map(|v| v as usize / part);
             let c = if (triangle[2] as usize) < vertices { c } else { a };
             [Some(a), (b != a).then_some(b), (c != a && c != b).then_some(c)].into_iter().flatten()
         };
@@ -870,7 +879,7 @@ impl Touching {
                 next[part] += 1;
             }
         }
-        Self { starts, triangles: touching, sums: Spare::default() }
+        Self { part, starts, triangles: touching, sums: Spare::default() }
     }
 }
 
