@@ -100,3 +100,14 @@ pub(crate) fn for_each_chunk_of_four<A: Send, B: Send>(
     }
     f(0, a, [b, c, d]);
 }
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn small_bodies_are_shared_and_smaller_ones_are_not() {
+        assert!((1..=4096).all(|len| len <= chunk(len)));
+        assert_eq!([5_000, 10_000, 65_536, 1_000_000].map(chunk), [1024, 1250, 8192, 8192]);
+    }
+}

@@ -774,6 +774,22 @@ mod tests {
     }
 
     #[test]
+    fn runs_that_are_known_are_those_that_cells_show() {
+        let tensor = tensor(crate::shapes::icosphere(3).points());
+        let count = tensor.vertex_count();
+        for range in [0..count, 0..1, 5..17, 300..300, 100..count - 1, count - 1..count] {
+            let known = tensor.places(range.clone());
+            let unknown = Places { ends: None, ..known };
+            assert!(known.ends.is_some());
+            let runs: Vec<_> = known.runs().collect();
+            assert_eq!(runs, unknown.runs().collect::<Vec<_>>());
+            assert_eq!(runs.last().map_or(0, |run| run.1), range.len());
+        }
+        let reversed: Vec<u32> = (0..count as u32).rev().collect();
+        assert_eq!(tensor.rows_of(&reversed).ends, None);
+    }
+
+    #[test]
     fn products_are_the_same_to_rounding_on_processors_of_every_level() {
         let points = crate::shapes::icosphere(3).points().to_vec();
         let tensor = tensor(&points);
