@@ -92,6 +92,11 @@ pub struct CageReport {
     pub constant_precision: f64,
     /// Largest `|Σ α c − p|` of such a vertex at rest, in extents of the cage; with Green coordinates the normals' part is in the sum.
     pub linear_precision: f64,
+    /// Lebesgue constant: the largest `Σ |α|` of a vertex, which can go so many times as far as those of the cage. 1 where no coordinate is
+    /// negative. (Of Green coordinates: without the normals' part.)
+    pub lebesgue_constant: f64,
+    /// That vertex of the model.
+    pub lebesgue_vertex: usize,
     /// Vertices of the model outside the cage.
     pub outside: usize,
     /// How far the farthest of them is from the cage, in model units.
@@ -269,8 +274,10 @@ impl CageBinding {
     ) -> Result<Self, CageBindingError> {
         let coordinates = options.coordinates;
         let cage = Arc::new(cage.clone());
-        let binding = Binding::of_stored(rows);
         let vertices = cage.vertices().len();
+        let magnitudes = parallel::collect(points.len(), |v| magnitude(&rows.row(v)[..vertices]));
+        let largest_magnitude = (0..points.len()).max_by(|a, b| magnitudes[*a].total_cmp(&magnitudes[*b]));
+        let binding = Binding::of_stored(rows);
         let rest = with_normals(&cage, cage.vertices(), coordinates);
         let ones: Vec<f64> = (0..rest.len()).map(|i| if i < vertices { 1.0 } else { 0.0 }).collect();
         let (sums, images) = (binding.apply_scalar(&ones), binding.apply(&rest));
@@ -286,6 +293,8 @@ impl CageBinding {
             triangles: cage.triangles().len(),
             constant_precision: largest(&|v| (sums[v] - 1.0).abs()),
             linear_precision: largest(&|v| images[v].distance(points[v])) / cage.extent(),
+            lebesgue_constant: largest_magnitude.map_or(0.0, |v| magnitudes[v]),
+            lebesgue_vertex: largest_magnitude.unwrap_or_default(),
             outside: outside.len(),
             farthest: outside.iter().map(|(_, distance)| *distance).fold(0.0, f64::max),
             harmonic: harmonic.as_ref().map(|h| h.report().clone()),
@@ -480,6 +489,16 @@ fn harmonic_of(cage: &Cage, options: &CageOptions) -> Result<Harmonic, HarmonicE
 /// Controls of a cage with these coordinates.
 fn controls(cage: &Cage, coordinates: Coordinates) -> usize {
     cage.vertices().len() + if coordinates == Coordinates::Green { cage.triangles().len() } else { 0 }
+}
+
+/// Σ |α|, eight sums side by side.
+fn magnitude(row: &[f64]) -> f64 {
+    let (eights, rest) = row.as_chunks::<8>();
+    let mut sums = [0.0; 8];
+    for eight in eights {
+        sums.iter_mut().zip(eight).for_each(|(sum, a)| *sum += a.abs());
+    }
+    sums.iter().sum::<f64>() + rest.iter().map(|a| a.abs()).sum::<f64>()
 }
 
 /// E(C).

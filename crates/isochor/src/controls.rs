@@ -156,6 +156,13 @@ impl Controls {
                 report.farthest
             ));
         }
+        if report.lebesgue_constant > tolerances::LEBESGUE_CONSTANT {
+            warnings.push(format!(
+                "Vertex {} can go {:.0} times as far as the cage's vertices, so great are its coordinates there: the cage crosses itself, or the model. \
+                 Mend it, or choose coordinates = \"harmonic\" or objective = \"surface\".",
+                report.lebesgue_vertex, report.lebesgue_constant
+            ));
+        }
         let rest = cage.vertices().to_vec();
         let in_file = blended(input.mesh.points(), input.posed.as_deref(), request.blend)?;
         let posed = in_file.iter().map(|p| *p - origin).collect();

@@ -116,6 +116,9 @@ pub const FLAT_SURFACE: f64 = 1e-12;
 /// are noise.
 pub const ON_CAGE: f64 = 1e-14;
 
+/// Cages are warned of whose Lebesgue constant is larger. More: corrections throw vertices far away without a word; less: good cages are warned of.
+pub const LEBESGUE_CONSTANT: f64 = 20.0;
+
 /// Derivatives at points nearer to a cage than this, relative to its extent, are taken this far inside: on it they have no value. Larger: they are
 /// those of another place; smaller: digits are lost.
 pub const BESIDE_CAGE: f64 = 1e-6;

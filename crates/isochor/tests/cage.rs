@@ -332,6 +332,30 @@ mod jobs {
         outcome.report.volume.as_ref().unwrap().overall.relative_error.unwrap()
     }
 
+    /// Barycentric coordinates of (t, t, t) are 1 − 3t, t, t, t.
+    #[test]
+    fn models_far_outside_a_cage_are_warned_of() {
+        let cage = CageInput { mesh: tetrahedron(), posed: None, weights: None };
+        let toml = "cage = { file = 'cage.obj', coordinates = 'tetrahedral' }\nedit = [{ stretch = { axis = 'z', scale = 0.9 } }]";
+        for (t, is_said) in [(0.25, false), (3.0, false), (4.0, true)] {
+            let shrunk = |p: &DVec3| if *p == DVec3::ZERO { DVec3::splat(t) } else { *p * 0.2 };
+            let model = tetrahedron();
+            let model = model.with_points(model.points().iter().map(shrunk).collect()).unwrap();
+            let outcome = of_cage(&model, &cage, toml).unwrap();
+            let report = &outcome.report.cage.as_ref().unwrap().binding;
+            let expected = if t < 1.0 { 1.0 } else { 6.0 * t - 1.0 };
+            assert!((report.lebesgue_constant - expected).abs() <= 1e-13, "{}", report.lebesgue_constant);
+            assert!(t < 1.0 || report.lebesgue_vertex == 0);
+            let of_size = |text: &&String| text.contains("Vertex 0 can go 23 times as far");
+            assert_eq!(
+                outcome.report.warnings.iter().any(|text| of_size(&text)),
+                is_said,
+                "{:?}",
+                outcome.report.warnings
+            );
+        }
+    }
+
     #[test]
     fn posed_cages_deform_at_constant_volume() {
         for coordinates in ["mean-value", "harmonic", "green"] {
