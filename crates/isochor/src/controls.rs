@@ -158,7 +158,7 @@ impl Controls {
         }
         if report.lebesgue_constant > tolerances::LEBESGUE_CONSTANT {
             warnings.push(format!(
-                "Vertex {} can go {:.0} times as far as the cage's vertices, so great are its coordinates there: the cage crosses itself, or the model. \
+                "Vertex {} can go {:.0} times as far as the cage's vertices, so great are its coordinates, as where a cage crosses itself or the model. \
                  Mend it, or choose coordinates = \"harmonic\" or objective = \"surface\".",
                 report.lebesgue_vertex, report.lebesgue_constant
             ));

@@ -566,10 +566,13 @@ impl Solid {
     pub(crate) fn clustered(&self, cell_of: &[u32], cluster_of: &[u32], clusters: usize) -> Self {
         let cells = cluster_of.len();
         // Apexes are clusters of their own.
-        let cell = |v: u32| cell_of.get(v as usize).copied().unwrap_or((cells + v as usize - self.vertices) as u32);
+        let cell = |v: u32| match cell_of.get(v as usize) {
+            Some(cell) => *cell,
+            None => (cells + (v as usize - self.vertices)) as u32,
+        };
         let cluster = |cell: u32| match cluster_of.get(cell as usize) {
             Some(cluster) => *cluster,
-            None => (clusters + cell as usize - cells) as u32,
+            None => (clusters + (cell as usize - cells)) as u32,
         };
         let mut triangles = Vec::new();
         let mut components = Vec::with_capacity(self.components.len());
@@ -886,6 +889,24 @@ impl Touching {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    /// Blocks of 3 × 3 vertices, fewer than the vertices; a torus has twice as many triangles as vertices.
+    #[test]
+    fn a_torus_over_clusters_is_a_torus() {
+        let mesh = crate::shapes::uv_torus(1.0, 0.3, 33, 18);
+        let solid = Solid::new(&mesh, &crate::topology(&mesh), OpenBoundaries::Refuse).unwrap();
+        let cell_of: Vec<u32> = (0..33 * 18).map(|v| v / 18 / 3 * 6 + v % 18 / 3).collect();
+        let cluster_of: Vec<u32> = (0..66).rev().collect();
+        let coarse = solid.clustered(&cell_of, &cluster_of, 66);
+        assert_eq!((coarse.vertex_count(), coarse.triangles.len()), (66, 132));
+        let mut middles = vec![DVec3::ZERO; 66];
+        cell_of
+            .iter()
+            .zip(mesh.points())
+            .for_each(|(cell, p)| middles[cluster_of[*cell as usize] as usize] += *p / 9.0);
+        let ratio = coarse.volume(&middles) / solid.volume(mesh.points());
+        assert!(ratio > 0.6 && ratio < 1.0, "{ratio}");
+    }
 
     #[test]
     fn volumes_have_the_same_bits_with_and_without_fused_multiply_adds() {
